@@ -46,9 +46,15 @@ from cvxlimit.scene import Scene as Scene
 from cvxlimit.scene import Units as Units
 from cvxlimit.scene import loads as loads
 from cvxlimit.scene.loads import GRAVITY as GRAVITY
+from cvxlimit.scene.loads import GrowingAcceleration as GrowingAcceleration
 from cvxlimit.scene.loads import Load as Load
 from cvxlimit.scene.loads import PointForce as PointForce
-from cvxlimit.scene.loads import Pressure as Pressure
+from cvxlimit.scene.pressures import Pressure as Pressure
+from cvxlimit.scene.surroundings import earth_pressure as earth_pressure
+from cvxlimit.scene.surroundings import fill as fill
+from cvxlimit.scene.surroundings import hydrostatic as hydrostatic
+from cvxlimit.scene.surroundings import uplift as uplift
+from cvxlimit.scene.surroundings import wheel as wheel
 from cvxlimit.scene.ties import Tie as Tie
 from cvxlimit.solution import Iterate as Iterate
 from cvxlimit.solution import Member as Member

@@ -15,7 +15,19 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from cvxlimit import Block, Load, PointForce, Pressure, Scene, Solution, Status, Tie, Units, io
+from cvxlimit import (
+    Block,
+    GrowingAcceleration,
+    Load,
+    PointForce,
+    Pressure,
+    Scene,
+    Solution,
+    Status,
+    Tie,
+    Units,
+    io,
+)
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.lumped import Lumped
@@ -37,13 +49,18 @@ from malformed_scenes import GOLDEN
 # ------------------------------------------------- every field, away from its default
 
 PAIR = ("b1", "b2")
+WATER = Pressure(
+    "b1", (0, 1, 0), 2.5, (0, 0, -3), (1, 1, 0.5), (0, 0, -1), ((0, 1, 0), (1, 1, 0), (0, 1, 1))
+)
+PUSH = GrowingAcceleration((1, 0.5, 0), (0, 0, 0.5), (0, 0, 2))
 LOADED = Load(
     gravity=(0.0, 0.6, -0.8),
     acceleration=(0.1, 0.2, 0.3),
     forces={"b1": (1, 2, 3, 4, 5, 6)},
     points=[PointForce("b2", (0.5, 0.5, 2.0), (1, 2, 3))],
-    pressures=[Pressure("b1", (0, 1, 0), 2.5)],
+    pressures=[WATER],
     weights={"b2": (0, 0, -1.5)},
+    growing=[PUSH],
 )
 TETRAHEDRON = Block.polyhedron(
     "b3", [(0, 0, 2), (1, 0, 2), (0, 1, 2), (0, 0, 3)],
@@ -69,6 +86,8 @@ EVERY: dict[type, dict[str, Any]] = {
         "ties": (Tie("b1", "ground", (0, 0, 0.5), (0, 0, -0.5), 3.0),),
     },
     Load: {each.name: getattr(LOADED, each.name) for each in fields(Load)},
+    Pressure: {each.name: getattr(WATER, each.name) for each in fields(Pressure)},
+    GrowingAcceleration: {each.name: getattr(PUSH, each.name) for each in fields(PUSH)},
     Units: {"length": "ft", "force": "lbf"},
     Iterate: {
         "load_factor": 0.1, "seconds": 0.2, "solver": "a", "status": "b", "lower": -0.3,
@@ -88,7 +107,7 @@ def same(a: Any, b: Any) -> bool:
     """Equal, arrays and what has no equality of its own field by field."""
     if isinstance(a, np.ndarray):
         return np.array_equal(a, b)
-    if isinstance(a, Block | Load | Tie | PointForce | Pressure):
+    if isinstance(a, Block | Load | Tie | PointForce | Pressure | GrowingAcceleration):
         return type(a) is type(b) and all(
             same(getattr(a, each.name), getattr(b, each.name)) for each in fields(a)
         )

@@ -45,6 +45,9 @@ COUNTS = {
     "flying-buttress": (28, 29),
     "barrel-vault": (42, 103),
     "dome": (96, 192),
+    "retaining-wall": (12, 19),
+    "retaining-wall-shaken": (12, 19),
+    "dam": (5, 5),
 }
 """Free blocks and contacts; those of a dome and the head joints of a vault are trapezoids."""
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cvxlimit import Block, Load, PointForce, Pressure, Scene, Units, solve
+from cvxlimit import Block, GrowingAcceleration, Load, PointForce, Pressure, Scene, Units, solve
 from cvxlimit.errors import InputError
 from cvxlimit.io import scene_from_dict, scene_to_dict
 
@@ -119,13 +119,18 @@ def test_wind_overturns_a_tower() -> None:
 
 # --- changes of frame, units and form -----------------------------------------------------------
 
+WATER = Pressure(
+    "tower", (0, -1, 0), 2.5, (0.5, 0, -3), (1, 0, 2), (0, 0.1, -1),
+    ((0, 0, 0), (1, 0, 0), (1, 0, 3)),
+)  # fmt: skip
 ALL = Load(
     (0, 0, -1),
     (0.1, 0, 0),
     {"tower": (1, 2, 3, 4, 5, 6)},
     (PointForce("tower", (0, 0.5, 3), (1, 0.2, 0)), PointForce("tower", (1, 1, 4), (0, 0, -2))),
-    (Pressure("tower", (-1, 0, 0), 1.5),),
+    (Pressure("tower", (-1, 0, 0), 1.5), WATER),
     {"tower": (0, 0.3, 0)},
+    (GrowingAcceleration((1, 0.5, 0), (0, 0, -1), (0, 0.5, 4)),),
 )
 
 
@@ -183,6 +188,25 @@ REFUSALS: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "no direction": (lambda: Pressure("tower", (0, 0, 0), 1), "must be a direction"),
     "NaN pressure": (lambda: Pressure("tower", (0, 0, 1), float("nan")), "finite, got .nan"),
+    "no point": (
+        lambda: Pressure("tower", (0, 0, 1), 1, gradient=(0, 0, -10)),
+        "at of the pressure on block 'tower' is missing: give the point where the pressure is 1",
+    ),
+    "polygon across": (
+        lambda: Pressure("tower", (0, 0, 1), 1, corners=((0, 0, 0), (0, 1, 0), (0, 0, 1))),
+        r"corners of the pressure on block 'tower' must be a polygon that looks along its normal",
+    ),
+    "polygon elsewhere": (
+        lambda: scene(
+            Load(pressures=[Pressure("tower", (0, 0, 1), 1,
+                                     corners=((0, 0, 50), (1, 0, 50), (0, 1, 50)))])
+        ),
+        "the polygon of a pressure on block 'tower' lies around .*, which is off the block",
+    ),
+    "no rise": (
+        lambda: GrowingAcceleration((1, 0, 0), (0, 0, 1), (0, 0, 1)),
+        r"base and top of a growing acceleration are both \[0.0, 0.0, 1.0\]",
+    ),
     "NaN point": (lambda: PointForce("tower", (0, np.nan, 0), (1, 0, 0)), "point .*'tower'.*nan"),
     "force of two": (lambda: PointForce("tower", (0, 0, 0), (1, 0)), "force of the point load"),  # type: ignore[arg-type]
     "tuple for a point": (

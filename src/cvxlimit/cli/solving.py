@@ -367,7 +367,17 @@ def show_command(asked: Drawing) -> ExitCode:
     blocks = f"{counted(len(scene.free), 'free block')}, {counted(len(scene.supports), 'support')}"
     contacts = "" if refusal else f" x {counted(len(scene.contacts), 'contact')}"
     weight = f"{scene.total_weight:.6g} {scene.units.force}"
-    rows = [("scene", scene.name), ("size", blocks + contacts), ("weight", weight), *written]
+    rows = [("scene", scene.name), ("size", blocks + contacts), ("weight", weight)]
+    for case in ("dead", "live"):
+        load, resultant = getattr(scene, case), getattr(scene, f"{case}_forces")[:, :3].sum(axis=0)
+        small = abs(resultant) <= 1e-9 * abs(resultant).max()
+        x, y, z = (0.0 if zero else value for value, zero in zip(resultant, small, strict=True))
+        pressures = len(load.pressures)
+        rows += [
+            (f"{case} load", f"{x:.6g}, {y:.6g}, {z:.6g} {scene.units.force} in all"
+             + (f", {counted(pressures, 'pressure')}" if pressures else ""))
+        ]  # fmt: skip
+    rows += written
     show(facts(rows))
     if refusal is not None:
         raise refusal

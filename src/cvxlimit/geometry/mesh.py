@@ -112,6 +112,25 @@ def polygon_vectors(corners: FloatArray) -> FloatArray:
     return np.asarray(0.5 * cross(spokes[..., :-1, :], spokes[..., 1:, :]).sum(axis=-2))
 
 
+def cut_off(triangles: FloatArray, depth: FloatArray) -> FloatArray:
+    """The parts of triangles (t, 3, 3) where a linear ``depth``, given at the corners (t, 3), is
+    positive, as triangles that go round the same way."""
+    inside = depth > 0.0
+    number = inside.sum(axis=1)
+    parts = [triangles[number == 3]]
+    for count in (1, 2):
+        rows = np.flatnonzero(number == count)
+        lone = (inside[rows] == (count == 1)).argmax(axis=1)  # the corner alone on its side, first
+        order = (lone[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(triangles[rows], order[:, :, None], 1), 1, 0)
+        d = np.take_along_axis(depth[rows], order, 1)
+        ab = a + (d[:, 0] / (d[:, 0] - d[:, 1]))[:, None] * (b - a)
+        ac = a + (d[:, 0] / (d[:, 0] - d[:, 2]))[:, None] * (c - a)
+        cuts = [(a, ab, ac)] if count == 1 else [(ab, b, c), (ab, c, ac)]
+        parts += [np.stack(cut, axis=1) for cut in cuts]
+    return np.concatenate(parts)
+
+
 def area_vectors(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
     result = np.empty((len(faces), 3))
     for members, indices in by_size(faces):
@@ -138,6 +157,15 @@ def volume_and_centroid(
 
 def flipped(faces: Faces, which: NDArray[np.bool_]) -> Faces:
     return tuple(f[::-1] if turns else f for f, turns in zip(faces, which.tolist(), strict=True))
+
+
+def second_moments(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
+    """Integral of x x' (3, 3) over what a closed surface encloses, about the origin of its points:
+    a tetrahedron's is its volume / 20 times that of its corners' sum and of its corners."""
+    corners = fan(points, faces)[0]
+    volumes, whole = np.linalg.det(corners) / 120.0, corners.sum(axis=1)
+    each = np.einsum("t,tkx,tky->xy", volumes, corners, corners)
+    return np.asarray(each + np.einsum("t,tx,ty->xy", volumes, whole, whole))
 
 
 def plane_axes(normal: FloatArray) -> FloatArray:

@@ -41,7 +41,8 @@ from cvxlimit.io.forms import (
     row,
 )
 from cvxlimit.scene import Scene, Units, check_scene
-from cvxlimit.scene.loads import Load, PointForce, Pressure
+from cvxlimit.scene.loads import GrowingAcceleration, Load, PointForce
+from cvxlimit.scene.pressures import Pressure
 from cvxlimit.scene.ties import Tie
 
 AXES = ("x", "y", "z")
@@ -203,7 +204,18 @@ POINT_FORCE = record(
 )
 PRESSURE = record(
     Pressure,
-    {"block": Key(TEXT), "normal": Key(POINT), "pressure": Key(NUMBER, "value of {owner}")},
+    {
+        "block": Key(TEXT),
+        "normal": Key(POINT),
+        "pressure": Key(NUMBER, "value of {owner}"),
+        "gradient": Key(POINT),
+        "at": Key(POINT),
+        "within": Key(POINT),
+        "corners": Key(listed(POINT, "corner {i} of {owner}")),
+    },
+)
+GROWING = record(
+    GrowingAcceleration, {name: Key(POINT) for name in ("acceleration", "base", "top")}
 )
 LOAD = record(
     Load,
@@ -214,6 +226,7 @@ LOAD = record(
         "weights": Key(keyed(POINT, "weight of {owner} on block {key}")),
         "points": Key(listed(POINT_FORCE, "point load {i}", prefix="in {owner}, ")),
         "pressures": Key(listed(PRESSURE, "pressure {i}", prefix="in {owner}, ")),
+        "growing": Key(listed(GROWING, "growing acceleration {i}", prefix="in {owner}, ")),
     },
     prefix="in {where}, ",
 )

@@ -14,6 +14,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.masonry.arches import arch, arch_on_piers
 from cvxlimit.masonry.buttresses import flying_buttress
 from cvxlimit.masonry.facades import Opening, facade, house_corner, panel
+from cvxlimit.masonry.retaining import dam, retaining_wall
 from cvxlimit.masonry.vaults import barrel_vault, dome
 from cvxlimit.masonry.walls import running_bond, single_block, stack, wall
 from cvxlimit.scene import Load, Scene
@@ -110,6 +111,15 @@ _SCENES: dict[str, tuple[str, Callable[[], Scene]]] = {
     ),
     "barrel-vault": ("semicircular vault of 12 rows in running bond, pushed across", barrel_vault),
     "dome": ("hemispherical dome of 96 blocks with an oculus, pushed along x", dome),
+    "retaining-wall": (
+        "dry-stone retaining wall; the load factor is on the earth's pressure",
+        retaining_wall,
+    ),
+    "retaining-wall-shaken": (
+        "the same under its earth, pushed along x",
+        lambda: retaining_wall(live=Load(acceleration=(1.0, 0.0, 0.0))),
+    ),
+    "dam": ("masonry dam with uplift; the load factor is on the water's weight", dam),
 }
 
 

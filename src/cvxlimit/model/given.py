@@ -170,16 +170,12 @@ def _loads(scene: Scene, given: Mapping[str, Any], weights: Any) -> tuple[Any, A
     own, every = np.array([block.weight for block in blocks]), sp.eye_array(len(blocks))
     repeated = sp.csr_array(sp.kron(every, np.ones((3, 1))))
     spread = sp.csr_array(sp.kron(every, np.eye(DOF, 3)))  # forces at centroids
+    columns = sp.csr_array(sp.kron(every, np.ones((DOF, 1))))
 
     def acting(load: Load, forces: FloatArray) -> Any:
         if weights is None:
             return forces.ravel()
-        along = [
-            np.add(load.gravity or 0.0, load.acceleration or 0.0)
-            + np.array(load.weights.get(block.id, (0.0, 0.0, 0.0)))
-            for block in blocks
-        ]
-        per_weight = sp.csr_array(spread @ sp.diags_array(np.ravel(along)) @ repeated)
+        per_weight = sp.csr_array(sp.diags_array(load.per_weight(blocks).ravel()) @ columns)
         return per_weight @ weights + (forces.ravel() - per_weight @ own)
 
     def expressed(name: str) -> Any:

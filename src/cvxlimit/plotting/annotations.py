@@ -17,6 +17,7 @@ from cvxlimit.plotting.movement import Motion, displaced, free_size
 from cvxlimit.readings.utilisation import contact_forces
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load
+from cvxlimit.scene.pressures import Pressure
 from cvxlimit.solution import Solution
 
 LEVEL_WITHIN = 10.0
@@ -162,13 +163,12 @@ def _parts(scene: Scene, load: Load) -> Iterator[tuple[FloatArray, FloatArray, s
     sizes = np.linalg.norm(body.force, axis=1)
     if sizes.any():
         yield (sizes @ body.at) / sizes.sum(), total, "resultant of the blocks' weights"
-    per_area = f"{scene.units.force}/{scene.units.length}\u00b2"
     singles = [
         *((Load(forces={k: f}), f"at the centroid of {k}") for k, f in load.forces.items()),
         *((Load(weights={k: f}), f"from the weight of {k}") for k, f in load.weights.items()),
         *((Load(points=(p,)), f"at a point of {p.block}") for p in load.points),
         *(
-            (Load(pressures=(p,)), f"pressure {p.pressure:.4g} {per_area} on {p.block}")
+            (Load(pressures=(p,)), f"{_pressure_text(p, scene)} on {p.block}")
             for p in load.pressures
         ),
     ]
@@ -179,6 +179,13 @@ def _parts(scene: Scene, load: Load) -> Iterator[tuple[FloatArray, FloatArray, s
             what = single.actions([block])
             acting = int(np.linalg.norm(what.force, axis=1).argmax())
             yield what.at[acting], what.force[acting], text
+
+
+def _pressure_text(pressure: Pressure, scene: Scene) -> str:
+    units = f"{scene.units.force}/{scene.units.length}"
+    said = f"pressure {pressure.pressure:.4g} {units}\u00b2"
+    slope = float(np.linalg.norm(pressure.gradient))
+    return f"{said} that grows by {slope:.4g} {units}\u00b3" if slope else said
 
 
 CRUSHED_COLOUR, TIE_COLOUR, YIELDING_COLOUR = "#7a1010", "#5d6b82", "#0a7d4f"

@@ -1,6 +1,7 @@
 """Scenes: blocks, supports, friction, loads and ties."""
 
-from cvxlimit.scene.loads import GRAVITY, Load, PointForce, Pressure
+from cvxlimit.scene.loads import GRAVITY, Load, PointForce
+from cvxlimit.scene.pressures import Pressure
 from cvxlimit.scene.scene import METRES, Scene, Units, check_scene
 from cvxlimit.scene.ties import Tie
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
 from types import MappingProxyType
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,22 +17,8 @@ from cvxlimit.base.checks import finite_vector, members, of_type
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.mesh import area_vectors, fan, polygon_vectors
-
-Vector = tuple[float, ...]
-T = TypeVar("T")
-
-FACING = np.cos(np.radians(10.0))
-"""A pressure acts on the faces whose normal lies within 10 degrees of the one given.
-
-Sides of bricks, voussoirs and vault stones are 60 degrees and more apart; the triangles and warped
-quads that stand for one curved or rounded face differ by a few."""
-
-REACH = 1.01
-"""A point load acts no farther from its block's centroid than the farthest corner times this.
-
-Coordinates rounded to a hundredth of the block still pass; a point in other units does not. The
-bound is a sphere, so that a scene which passes also passes after any rotation."""
+from cvxlimit.geometry.mesh import second_moments
+from cvxlimit.scene.pressures import REACH, Pressure, Vector
 
 
 @dataclass(frozen=True)
@@ -69,44 +56,53 @@ class PointForce:
 
 
 @dataclass(frozen=True)
-class Pressure:
-    """A uniform pressure on the faces of a block that look in one direction.
+class GrowingAcceleration:
+    """Inertia that grows linearly: from nothing at one point to an acceleration at another.
 
     Attributes
     ----------
-    block : str
-        Id of the block.
-    normal : (3,)
-        Where the loaded faces look, out of the block; any length but zero. All faces whose outward
-        normal lies within 10 degrees of it are loaded, wholly.
-    pressure : float
-        Force per area; positive presses on the block (against ``normal``), negative pulls.
+    acceleration : (3,)
+        In multiples of gravity, at ``top``.
+    base, top : (3,)
+        The acceleration is constant on planes across the line from base to top, none at base, and
+        grows beyond top.
 
     Raises
     ------
     InputError
-        If ``normal`` is zero, or a number is not finite.
+        If a number is not finite, or both points are one.
 
     Example
     -------
-    Wind of 0.8 kN/m2 on the side of a block that looks towards -y:
+    The push of a wall's first mode, 4 m high:
 
-    >>> Pressure("b1", normal=(0, -1, 0), pressure=0.8).normal
-    (0.0, -1.0, 0.0)
+    >>> growing = GrowingAcceleration((1, 0, 0), base=(0, 0, 0), top=(0, 0, 4))
+    >>> tower = Block.box("tower", (0, 0, 0), (1, 1, 4), density=20.0)  # of weight 80
+    >>> Load(growing=[growing]).on([tower]).round(6).tolist()  # at two thirds of the height
+    [[40.0, 0.0, 0.0, 0.0, 26.666667, 0.0]]
     """
 
-    block: str
-    normal: Vector
-    pressure: float
+    acceleration: Vector
+    base: Vector
+    top: Vector
 
     def __post_init__(self) -> None:
-        what = f"of the pressure on block {self.block!r}"
-        normal = finite_vector(self.normal, 3, f"normal {what}")
-        length = float(np.linalg.norm(normal))
-        if not 0.0 < length < np.inf:
-            raise InputError(f"normal {what} must be a direction, got {normal.tolist()}")
-        _set(self, "normal", tuple((normal / length).tolist()))
-        _set(self, "pressure", finite_vector([self.pressure], 1, f"value {what}").tolist()[0])
+        for each in fields(self):
+            what = f"{each.name} of a growing acceleration"
+            _set(self, each.name, _vector(getattr(self, each.name), 3, what))
+        if self.base == self.top:
+            raise InputError(
+                f"base and top of a growing acceleration are both {list(self.base)}: give the "
+                "point without acceleration as base, and one where it is whole as top"
+            )
+
+    def per_weight(self, block: Block) -> FloatArray:
+        """Force and moment (6,) about the block's centroid, for its weight of 1."""
+        rise = np.subtract(self.top, self.base)
+        slope = rise / (rise @ rise)
+        arms = second_moments(block.vertices - block.centroid, block.faces) @ slope / block.volume
+        force = float(slope @ (block.centroid - self.base)) * np.array(self.acceleration)
+        return np.concatenate([force, np.cross(arms, self.acceleration)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +133,8 @@ class Load(RemadeFromFields):
         Pressures on faces of blocks.
     weights : mapping of block id to (3,)
         Own weight of selected blocks: the force on the block is its weight times this vector.
+    growing : sequence of GrowingAcceleration
+        Accelerations that grow linearly, with height for example.
 
     Raises
     ------
@@ -161,6 +159,7 @@ class Load(RemadeFromFields):
     points: Sequence[PointForce] = ()
     pressures: Sequence[Pressure] = ()
     weights: Mapping[str, Vector] = field(default_factory=dict)
+    growing: Sequence[GrowingAcceleration] = ()
 
     def __post_init__(self) -> None:
         for name in ("gravity", "acceleration"):
@@ -183,7 +182,7 @@ class Load(RemadeFromFields):
             length = example.count(",") + 1
             checked = {key: _vector(v, length, f"{what} {key!r}") for key, v in given.items()}
             _set(self, name, MappingProxyType(checked))
-        for name, kind in (("points", PointForce), ("pressures", Pressure)):
+        for name, kind in _LISTED.items():
             what = f"{name} of a load must be {kind.__name__} objects"
             _set(self, name, members(getattr(self, name) or (), kind, what))
 
@@ -198,7 +197,7 @@ class Load(RemadeFromFields):
             value = getattr(self, each.name)
             if isinstance(value, Mapping):
                 rows += [(f"{each.name} {block!r}", str(v)) for block, v in value.items()]
-            elif each.name in ("points", "pressures"):
+            elif each.name in _LISTED:
                 rows += [(each.name, str(v)) for v in value]
             elif value is not None:
                 rows.append((each.name, str(value)))
@@ -243,7 +242,7 @@ class Load(RemadeFromFields):
             if p.block in index
         ]
         parts += [
-            _pressure_action(index[p.block], known[index[p.block]], p)
+            _action(index[p.block], *p.resultant(known[index[p.block]]))
             for p in self.pressures
             if p.block in index
         ]
@@ -251,14 +250,20 @@ class Load(RemadeFromFields):
         return Actions(*(np.concatenate([getattr(x, name) for x in parts]) for name in names))
 
     def _body_forces(self, blocks: Sequence[Block]) -> Actions:
-        times = np.zeros((len(blocks), 3))
-        for part in (self.gravity, self.acceleration):
-            times += 0.0 if part is None else np.array(part)
-        if self.weights:
-            times += [self.weights.get(block.id, (0.0, 0.0, 0.0)) for block in blocks]
-        force = np.array([b.weight for b in blocks])[:, None] * times
+        acting = np.array([b.weight for b in blocks])[:, None] * self.per_weight(blocks)
         at = np.array([b.centroid for b in blocks]).reshape(-1, 3)
-        return Actions(np.arange(len(blocks)), at, force, np.zeros_like(force))
+        return Actions(np.arange(len(blocks)), at, acting[:, :3], acting[:, 3:])
+
+    def per_weight(self, blocks: Sequence[Block]) -> FloatArray:
+        """What a load in multiples of weights puts on blocks whose weight is 1 (n, 6)."""
+        times = np.zeros((len(blocks), 6))
+        for part in (self.gravity, self.acceleration):
+            times[:, :3] += 0.0 if part is None else np.array(part)
+        for i, block in enumerate(blocks):
+            times[i, :3] += self.weights.get(block.id, (0.0, 0.0, 0.0))
+            for each in self.growing:
+                times[i] += each.per_weight(block)
+        return times
 
     def moved(self, rotation: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> Load:
         """The load after x -> rotation @ x + translation of the scene; ``rotation`` is (3, 3)."""
@@ -272,8 +277,14 @@ class Load(RemadeFromFields):
             None if self.acceleration is None else turned(self.acceleration),
             {key: turned(force) for key, force in self.forces.items()},
             [replace(p, at=tuple(turn @ p.at + shift), force=turned(p.force)) for p in self.points],
-            [replace(p, normal=turned(p.normal)) for p in self.pressures],
+            [p.moved(turn, shift) for p in self.pressures],
             {key: turned(times) for key, times in self.weights.items()},
+            [
+                GrowingAcceleration(
+                    turned(g.acceleration), turn @ g.base + shift, turn @ g.top + shift
+                )
+                for g in self.growing
+            ],
         )
 
     def scaled(self, length: float, force: float) -> Load:
@@ -291,7 +302,11 @@ class Load(RemadeFromFields):
             points=[
                 replace(p, at=times(p.at, length), force=times(p.force, force)) for p in self.points
             ],
-            pressures=[replace(p, pressure=p.pressure * force / length**2) for p in self.pressures],
+            pressures=[p.scaled(length, force) for p in self.pressures],
+            growing=[
+                replace(g, base=times(g.base, length), top=times(g.top, length))
+                for g in self.growing
+            ],
         )
 
 
@@ -302,7 +317,7 @@ def combined(loads: Sequence[Load], factors: ArrayLike) -> Load:
     (2.0, 3.0, 0.0)
     """
     force, times = dict[str, FloatArray](), dict[str, FloatArray]()
-    acceleration, points, pressures = np.zeros(3), [], []
+    acceleration, points, pressures, growing = np.zeros(3), [], [], []
     for load, factor in zip(loads, np.asarray(factors, dtype=float).tolist(), strict=True):
         for part in (load.gravity, load.acceleration):
             acceleration += factor * np.array(part or (0.0, 0.0, 0.0))
@@ -310,9 +325,12 @@ def combined(loads: Sequence[Load], factors: ArrayLike) -> Load:
             for block, value in own.items():
                 total[block] = total.get(block, 0.0) + factor * np.array(value)
         points += [replace(p, force=tuple(factor * np.array(p.force))) for p in load.points]
-        pressures += [replace(p, pressure=factor * p.pressure) for p in load.pressures]
+        pressures += [p.times(factor) for p in load.pressures]
+        growing += [
+            replace(g, acceleration=tuple(factor * np.array(g.acceleration))) for g in load.growing
+        ]
     given = tuple(acceleration) if acceleration.any() else None
-    return Load(None, given, force, points, pressures, times)  # type: ignore[arg-type]
+    return Load(None, given, force, points, pressures, times, growing)  # type: ignore[arg-type]
 
 
 def _point_action(i: int, block: Block, point: PointForce) -> Actions:
@@ -324,27 +342,6 @@ def _point_action(i: int, block: Block, point: PointForce) -> Actions:
             f"block's centroid, whose farthest corner is {reach:g} away: give a point of the block"
         )
     return _action(i, np.array(point.at), point.force, (0.0, 0.0, 0.0))
-
-
-def _pressure_action(i: int, block: Block, load: Pressure) -> Actions:
-    corners, owner = fan(block.vertices, block.faces)
-    normals = area_vectors(block.vertices, block.faces)
-    towards = normals @ np.array(load.normal) / np.linalg.norm(normals, axis=1)
-    if towards.max() < FACING:
-        nearest = normals[int(towards.argmax())]
-        nearest = nearest / np.linalg.norm(nearest) + 0.0
-        raise InputError(
-            f"block {block.id!r} has no face that looks along {np.round(load.normal, 4).tolist()}, "
-            f"where its pressure should act; the nearest one looks along "
-            f"{np.round(nearest, 4).tolist()}"
-        )
-    chosen = (towards >= FACING)[owner]
-    vectors, middles = polygon_vectors(corners[chosen]), corners[chosen].mean(axis=1)
-    along = vectors @ np.array(load.normal)
-    centre = (along[:, None] * middles).sum(axis=0) / along.sum()
-    forces = -load.pressure * vectors
-    moment = np.cross(middles - centre, forces).sum(axis=0)
-    return _action(i, centre, forces.sum(axis=0), moment)
 
 
 def _action(i: int, at: ArrayLike, force: ArrayLike, moment: ArrayLike) -> Actions:
@@ -359,6 +356,16 @@ def _set(target: object, name: str, value: object) -> None:
 def _vector(value: object, length: int, what: str) -> Vector:
     return tuple(finite_vector(value, length, what).tolist())
 
+
+def __getattr__(name: str) -> Any:
+    """What finds faces and joints of scenes, which know of loads, is above this module."""
+    if name in ("earth_pressure", "fill", "hydrostatic", "uplift", "wheel"):
+        return getattr(import_module("cvxlimit.scene.surroundings"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+_LISTED = {"points": PointForce, "pressures": Pressure, "growing": GrowingAcceleration}
+"""Parts of a load that are sequences, and of what."""
 
 GRAVITY = Load(gravity=(0.0, 0.0, -1.0))
 """Dead load of most scenes: own weight along -z."""

@@ -23,7 +23,8 @@ from cvxlimit.geometry.detection import Detection, detect
 from cvxlimit.geometry.lumped import Lumped, lumped_at
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.geometry.strengths import PROPERTIES, ByPair, SceneJoints
-from cvxlimit.scene.loads import GRAVITY, Load, PointForce, Pressure
+from cvxlimit.scene.loads import GRAVITY, Load, PointForce
+from cvxlimit.scene.pressures import Pressure
 from cvxlimit.scene.ties import Tie, with_ties
 
 __all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Units"]

@@ -96,15 +96,22 @@ def _resized(scene: Scene, size: float) -> Scene:
 
 
 def _turned(live: Load, degrees: float) -> Load:
-    if live.acceleration is None:
+    if live.acceleration is None and not live.growing:
         raise InputError(
             "direction turns the live load's acceleration, but it has none: vary live itself"
         )
     angle = np.radians(finite_vector([degrees], 1, "direction")[0])
-    x, y, z = live.acceleration
     c, s = np.cos(angle), np.sin(angle)
-    turned = np.round([c * x - s * y, s * x + c * y, z], 15) + 0.0
-    return replace(live, acceleration=tuple(turned.tolist()))
+
+    def turned(push: tuple[float, ...]) -> tuple[float, ...]:
+        x, y, z = push
+        return tuple((np.round([c * x - s * y, s * x + c * y, z], 15) + 0.0).tolist())
+
+    return replace(
+        live,
+        acceleration=None if live.acceleration is None else turned(live.acceleration),
+        growing=[replace(g, acceleration=turned(g.acceleration)) for g in live.growing],
+    )
 
 
 def _tilted(scene: Scene, degrees: float) -> Load:

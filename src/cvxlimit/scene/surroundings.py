@@ -1,0 +1,463 @@
+"""What surrounds a structure as loads: water and soil beside it, water in its joints, fill and
+wheels on top of it; found on the faces that they reach, whatever their number."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import finite_vector, not_negative, positive
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.mesh import cut_off, fan, plane_axes, polygon_vectors, unit
+from cvxlimit.scene.loads import PointForce
+from cvxlimit.scene.pressures import FACING, Pressure, pressed
+from cvxlimit.scene.scene import Scene, check_scene
+
+LOOKS = np.cos(np.radians(80.0))
+"""A face looks somewhere if its normal is within 80 degrees of it: any batter of a wall or dam is,
+and tops and beds of roughly dressed stones, some degrees out of square, are not."""
+
+SAME_FACE = 0.1
+"""A joint lies on a face if it is no farther from its plane than this share of the block's mean
+thickness: more than faces are warped or joints wide, less than a notch is deep."""
+
+FLAT = np.cos(np.radians(45.0))
+"""Joints less than 45 degrees off level are bed joints, in which water lifts."""
+
+
+@dataclass(frozen=True)
+class _Face:
+    """A part of a block's surface that no other block covers: corners (k, 3), outward normal."""
+
+    block: str
+    normal: FloatArray
+    corners: FloatArray
+
+
+def hydrostatic(
+    scene: Scene,
+    level: float,
+    unit_weight: float,
+    direction: ArrayLike,
+    blocks: Collection[str] | None = None,
+) -> tuple[Pressure, ...]:
+    """Water beside a structure: pressure that grows with depth, on all faces that it reaches.
+
+    Wet are the faces of free blocks that look along ``direction`` (within 80 degrees), where no
+    other block covers them, below the level; a face half under water is cut there. It presses at
+    right angles on each, whichever way that looks. Tops and treads need a call of their own, with
+    the direction upwards. Supports do not move: what presses on them does not count.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its loads do not matter but for the dead load's gravity, which says where down is (-z
+        without any).
+    level : float
+        Height of the water's surface, along the direction against gravity, from the origin.
+    unit_weight : float
+        Force per volume, 9.81 kN/m3 for water.
+    direction : (3,)
+        From the structure towards the water; the faces that look there are wet.
+    blocks : collection of str, optional
+        The only blocks that it reaches; unless given, all free ones, also those behind others.
+
+    Returns
+    -------
+    tuple of Pressure
+        To be given to a :class:`Load`, dead or live.
+
+    Raises
+    ------
+    InputError
+        If a number or a block is wrong, or the water reaches no face.
+
+    Example
+    -------
+    A wall of 0.8 m by 2 m and 22 kN/m3, water up to its top, per metre: it turns over its toe at
+    W 0.4 / (9.81 2^3 / 6)
+
+    >>> from cvxlimit import Load, solve
+    >>> from cvxlimit.masonry import stack
+    >>> wall = stack(4, size=(0.8, 1.0, 0.5), density=22.0, friction=0.8)
+    >>> water = hydrostatic(wall, 2.0, 9.81, direction=(-1, 0, 0))
+    >>> round(solve(wall.with_live(Load(pressures=water))).load_factor, 4)
+    1.0765
+    """
+    return earth_pressure(scene, level, unit_weight, 1.0, direction, 0.0, blocks)
+
+
+def earth_pressure(
+    scene: Scene,
+    level: float,
+    unit_weight: float,
+    coefficient: float,
+    direction: ArrayLike,
+    surcharge: float = 0.0,
+    blocks: Collection[str] | None = None,
+) -> tuple[Pressure, ...]:
+    """Soil behind a structure: coefficient x (unit weight x depth + surcharge), at right angles.
+
+    The faces, and all arguments not named here, are those of :func:`hydrostatic`. No friction
+    between soil and wall is assumed, which lies on the safe side for a wall pushed by it.
+
+    Parameters
+    ----------
+    level : float
+        Height of the soil's level surface.
+    coefficient : float
+        Of earth pressure: active, at rest or passive, as the case may be: Rankine's active one is
+        tan(45 degrees - phi / 2)^2.
+    surcharge : float, optional
+        Force per area on the soil's surface.
+
+    Raises
+    ------
+    InputError
+        If a number or a block is wrong, or the soil reaches no face.
+
+    Example
+    -------
+    >>> from cvxlimit import Load
+    >>> from cvxlimit.masonry import stack
+    >>> wall = stack(4, size=(0.8, 1.0, 0.5))
+    >>> soil = Load(pressures=earth_pressure(wall, 2.0, 18.0, 0.3, (-1, 0, 0), surcharge=5.0))
+    >>> soil.on(wall.blocks)[:, 0].sum().round(6).item()  # 0.3 (18 2^2 / 2 + 5 2) 1
+    13.8
+    """
+    gamma = positive(coefficient, "coefficient") * positive(unit_weight, "unit_weight")
+    top = float(coefficient) * not_negative(surcharge, "surcharge")
+    up, faces = _reached(scene, direction, blocks)
+    low, high = _below(scene, level, up, faces)
+    found = [
+        Pressure(
+            face.block,
+            face.normal.tolist(),
+            top,
+            (-gamma * up + 0.0).tolist(),
+            at=(level * up + 0.0).tolist(),
+            within=(-up + 0.0).tolist(),
+            corners=face.corners.tolist(),
+        )
+        for face in faces
+        if float((face.corners @ up).min()) < level
+    ]
+    if not found:
+        raise InputError(
+            f"level {level:g} is below all faces that look along {_told(direction)}, which lie "
+            f"between the heights {low:g} and {high:g}: give a level above the lowest"
+        )
+    return tuple(found)
+
+
+def uplift(
+    scene: Scene,
+    level: float,
+    unit_weight: float,
+    direction: ArrayLike,
+    tail: float | None = None,
+    blocks: Collection[str] | None = None,
+) -> tuple[Pressure, ...]:
+    """Water in bed joints: equal and opposite pressures on the two blocks of each.
+
+    In every joint less than 45 degrees off level that the water's level is above, the pressure is
+    the water's at the wet edge, and falls linearly to that of the tail water, or to nothing, at the
+    dry edge. Edges are those of all joints in the same plane. What contacts then carry is what the
+    stones press on each other with besides, and friction is in proportion to that. A support
+    is pressed as much as the block on it; as it does not move, nothing is written for it.
+
+    Parameters
+    ----------
+    scene, level, unit_weight, direction
+        As for :func:`hydrostatic`; contacts are found.
+    tail : float, optional
+        Level of the water on the dry side; unless given, there is none.
+    blocks : collection of str, optional
+        Only joints of these blocks; unless given, all.
+
+    Raises
+    ------
+    InputError
+        If a number or a block is wrong, or no bed joint lies below the level.
+
+    Example
+    -------
+    >>> from cvxlimit import Load
+    >>> from cvxlimit.masonry import stack
+    >>> dam = stack(1, size=(0.8, 1.0, 0.5))
+    >>> water = uplift(dam, 0.5, 9.81, direction=(-1, 0, 0))
+    >>> dam = dam.with_dead(Load(gravity=(0, 0, -1), pressures=water))
+    >>> round(float(dam.dead_forces[0, 2] + dam.total_weight), 6)  # 9.81 x 0.5 / 2 x 0.8
+    1.962
+    """
+    gamma, up = positive(unit_weight, "unit_weight"), _up(scene)
+    towards, only = _horizontal(direction, up), _chosen(scene, blocks)
+    if tail is not None and not tail <= level:
+        raise InputError(
+            f"tail {tail:g} is above level {level:g}: turn the direction, towards the higher water"
+        )
+    contacts = scene.contacts
+    normals = contacts.axes[: len(contacts) - len(scene.ties), 2]
+    flat = np.flatnonzero(np.abs(normals @ up) >= FLAT).tolist()
+    places, heights = contacts.corner_points @ towards, contacts.corner_points @ up
+    result: list[Pressure] = []
+    for j in flat:
+        a, b = (scene.blocks[ends[j]] for ends in (contacts.a, contacts.b))
+        off = np.abs((contacts.origin[flat] - contacts.origin[j]) @ normals[j])
+        alike = np.abs(normals[flat] @ normals[j]) >= FACING
+        same = np.array(flat)[alike & (off <= SAME_FACE * min(a.thickness, b.thickness))]
+        corners = np.flatnonzero(np.isin(contacts.corner_contact, same))
+        wet, dry = corners[places[corners].argmax()], corners[places[corners].argmin()]
+        at_wet = gamma * max(level - heights[wet], 0.0)
+        at_dry = 0.0 if tail is None else gamma * max(tail - heights[dry], 0.0)
+        if not at_wet > 0.0:
+            continue
+        slope = (at_wet - at_dry) / (places[wet] - places[dry])
+        for block, sign in ((a, 1.0), (b, -1.0)):
+            if block.id not in only:
+                continue
+            result += [
+                Pressure(
+                    block.id,
+                    (sign * normals[j] + 0.0).tolist(),
+                    at_wet,
+                    (slope * towards + 0.0).tolist(),
+                    at=(places[wet] * towards + 0.0).tolist(),
+                    corners=piece.tolist(),
+                )
+                for piece in contacts.piece_points(j)
+            ]
+    if not result:
+        raise InputError(
+            f"no bed joint lies below level {level:g}, so that water lifts nothing: give a level "
+            "above the lowest bed joint"
+        )
+    return tuple(result)
+
+
+def fill(
+    scene: Scene, level: float, unit_weight: float, blocks: Collection[str] | None = None
+) -> tuple[PointForce, ...]:
+    """Fill on top of an arch or vault: unit weight x depth below its level surface, straight down.
+
+    It rests on the faces that look up (within 80 degrees) and are not covered by other blocks, and
+    is given as one force per face, at its centre of pressure. What fill does against movement is
+    left out: passive pressure at the haunches, and the spreading of what stands on it.
+
+    Parameters
+    ----------
+    scene, level, unit_weight, blocks
+        As for :func:`hydrostatic`.
+
+    Raises
+    ------
+    InputError
+        If a number or a block is wrong, or the level is below all faces that look up.
+
+    Example
+    -------
+    >>> from cvxlimit.masonry import stack
+    >>> post = stack(1, size=(0.8, 1.0, 0.5))
+    >>> [load.force for load in fill(post, 1.5, 20.0)]  # 20 x 0.8 x 1.0 x 1.0
+    [(0.0, 0.0, -16.0)]
+    """
+    gamma = positive(unit_weight, "unit_weight")
+    up, faces = _reached(scene, None, blocks)
+    low, high = _below(scene, level, up, faces)
+    found = []
+    for face in faces:
+        points, areas = pressed(_fan(face), level * up, -up)
+        found += _down(face.block, points, gamma * (level - points @ up) * (areas @ up), up)
+    if not found:
+        raise InputError(
+            f"level {level:g} is below all faces that look up, which lie between the heights "
+            f"{low:g} and {high:g}: give a level above the lowest"
+        )
+    return tuple(found)
+
+
+def wheel(
+    scene: Scene,
+    at: ArrayLike,
+    sides: ArrayLike,
+    force: float,
+    along: ArrayLike = (1.0, 0.0, 0.0),
+    blocks: Collection[str] | None = None,
+) -> tuple[PointForce, ...]:
+    """A force spread evenly over a rectangle in plan, on the faces that look up there.
+
+    Give the rectangle that the load has reached where it meets the stones: through fill it grows
+    with depth, as codes say. Each face gets its share of the area as one vertical force.
+
+    Parameters
+    ----------
+    scene, blocks
+        As for :func:`hydrostatic`.
+    at : (3,)
+        Centre of the rectangle; its height does not matter.
+    sides : (2,)
+        Along ``along`` and across it.
+    force : float
+        The whole of it, downwards.
+
+    Raises
+    ------
+    InputError
+        If a number or a block is wrong, or a part of the rectangle lies over no face.
+
+    Example
+    -------
+    >>> from cvxlimit.masonry import arch
+    >>> loads = wheel(arch(), at=(0.2, 0.15, 0), sides=(0.4, 0.2), force=100.0)
+    >>> round(sum(load.force[2] for load in loads), 6)
+    -100.0
+    """
+    up, faces = _reached(scene, None, blocks)
+    total = positive(force, "force of a wheel")
+    middle, axis = finite_vector(at, 3, "at of a wheel"), _horizontal(along, up)
+    length, width = (
+        positive(x, "side of a wheel") for x in finite_vector(sides, 2, "sides of a wheel").tolist()
+    )
+    pairs = ((axis, length), (-axis, length), *((s * np.cross(up, axis), width) for s in (1, -1)))
+    found = []
+    for face in faces:
+        triangles = _fan(face)
+        for way, side in pairs:
+            depth = 0.5 * side - (triangles - middle) @ way
+            triangles = cut_off(triangles, depth)
+        points, areas = pressed(triangles)
+        found += _down(face.block, points, total / (length * width) * (areas @ up), up)
+    carried = -sum(float(np.dot(load.force, up)) for load in found)
+    if abs(carried - total) > 1e-6 * total:
+        raise InputError(
+            f"a wheel of {length:g} x {width:g} at {_told(middle)} stands on "
+            f"{100.0 * carried / total:.4g} % of its area: move it onto faces that look up, or "
+            "name the blocks that it reaches"
+        )
+    return tuple(found)
+
+
+def _down(block: str, points: FloatArray, sizes: FloatArray, up: FloatArray) -> list[PointForce]:
+    whole = float(sizes.sum())
+    if not whole > 0.0:
+        return []
+    return [PointForce(block, (sizes @ points / whole).tolist(), (-whole * up + 0.0).tolist())]
+
+
+def _fan(face: _Face) -> FloatArray:
+    return fan(face.corners, [range(len(face.corners))])[0]
+
+
+def _up(scene: Scene) -> FloatArray:
+    check_scene(scene)
+    down = scene.dead.gravity
+    return np.array([0.0, 0.0, 1.0]) if down is None else -np.array(down) + 0.0
+
+
+def _horizontal(direction: ArrayLike, up: FloatArray) -> FloatArray:
+    vector = finite_vector(direction, 3, "direction")
+    level = vector - (vector @ up) * up
+    if not np.linalg.norm(level) > 1e-6 * np.linalg.norm(vector):
+        raise InputError(f"direction must be horizontal, got {vector.tolist()}")
+    return unit(level)
+
+
+def _told(vector: ArrayLike) -> str:
+    return str((np.round(np.asarray(vector, dtype=float), 6) + 0.0).tolist())
+
+
+def _below(
+    scene: Scene, level: float, up: FloatArray, faces: Sequence[_Face]
+) -> tuple[float, float]:
+    finite_vector([level], 1, "level")
+    heights = np.concatenate([face.corners for face in faces]) @ up
+    return float(heights.min()), float(heights.max())
+
+
+def _chosen(scene: Scene, blocks: Collection[str] | None) -> list[str]:
+    free = [scene.blocks[i].id for i in scene.free]
+    if blocks is None:
+        return free
+    for name in [blocks] if isinstance(blocks, str) else blocks:
+        if name not in free:
+            near = get_close_matches(str(name), free, 1)
+            cure = f"did you mean {near[0]!r}?" if near else "name free blocks of the scene"
+            what = "is a support, which cannot move" if name in scene.supports else "is no block"
+            raise InputError(f"{name!r} {what} of scene {scene.name!r}: {cure}")
+    return [blocks] if isinstance(blocks, str) else list(blocks)
+
+
+def _reached(
+    scene: Scene, direction: ArrayLike | None, blocks: Collection[str] | None
+) -> tuple[FloatArray, list[_Face]]:
+    """Up, and the parts of faces that look along a direction (None: up) and are not covered."""
+    up = _up(scene)
+    towards = up if direction is None else finite_vector(direction, 3, "direction")
+    if not np.any(towards):
+        raise InputError("direction must not be zero")
+    towards, only = unit(towards), set(_chosen(scene, blocks))
+    looking, result = 0, list[_Face]()
+    for i in scene.free.tolist():
+        block = scene.blocks[i]
+        if block.id not in only:
+            continue
+        for indices in block.faces:
+            corners = block.vertices[list(indices)]
+            normal = unit(polygon_vectors(corners))
+            if float(normal @ towards) <= LOOKS:
+                continue
+            looking += 1
+            result += [_Face(block.id, normal, part) for part in _bare(scene, i, corners, normal)]
+    if not result:
+        who = "no free block has" if blocks is None else f"none of {sorted(only)} has"
+        covered = (
+            f"all {looking} faces that look along {_told(towards)} are in contact with other "
+            "blocks: water in joints is uplift's, other pressures need faces that are bare"
+        )
+        missing = f"{who} a face that looks along {_told(towards)}: turn the direction"
+        raise InputError(covered if looking else missing)
+    return up, result
+
+
+def _bare(scene: Scene, i: int, corners: FloatArray, normal: FloatArray) -> Iterator[FloatArray]:
+    """Polygons (k, 3) of a face of block i that no contact covers."""
+    contacts, block = scene.contacts, scene.blocks[i]
+    outward = contacts.axes[:, 2] * np.where(contacts.a == i, 1.0, -1.0)[:, None]
+    on = ((contacts.a == i) | (contacts.b == i)) & (outward @ normal >= FACING)
+    on &= np.abs((contacts.origin - corners.mean(axis=0)) @ normal) <= SAME_FACE * block.thickness
+    on[len(contacts) - len(scene.ties) :] = False
+    axes, origin = plane_axes(normal), corners.mean(axis=0)
+    whole = shapely.make_valid(shapely.Polygon((corners - origin) @ axes.T))
+    pieces = [
+        shapely.Polygon((piece - origin) @ axes.T)
+        for j in np.flatnonzero(on).tolist()
+        for piece in contacts.piece_points(j)
+    ]
+    cover = shapely.union_all([piece for piece in pieces if piece.is_valid])
+    if not shapely.intersects(cover, whole):
+        yield corners
+        return
+    slit = scene.joint_tolerance or block.joint_tolerance
+    rest = shapely.difference(whole, cover, grid_size=1e-9 * block.size)
+    for part in _without_holes(rest):
+        if part.area > 0.5 * slit * part.length:  # strips narrower than a joint are none
+            yield origin + np.array(part.exterior.coords)[:-1] @ axes
+
+
+def _without_holes(shape: shapely.Geometry) -> Iterator[shapely.Polygon]:
+    """Polygons that tile a shape, cut through the middles of holes."""
+    for part in shapely.get_parts(shape):
+        if not isinstance(part, shapely.Polygon) or not part.interiors:
+            if isinstance(part, shapely.Polygon):
+                yield part
+            continue
+        left, low, right, high = part.bounds
+        middle = part.interiors[0].centroid.x
+        for half in (shapely.box(left, low, middle, high), shapely.box(middle, low, right, high)):
+            yield from _without_holes(part.intersection(half))
