@@ -1,12 +1,279 @@
-"""The path of a structure in finite displacements: steps of the live load's mean displacement."""
+"""The path of a structure in finite displacements: steps of the live load's mean displacement w.
+
+A step seeks the blocks' next equilibrium at a given w: one convex problem after the other on exact
+geometry (:mod:`.increment`), until it moves nothing any more. The load factor is its multiplier.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal
 
-from cvxlimit.paths.path import Path
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import finite_vector, is_number, positive
+from cvxlimit.errors import ModelError
+from cvxlimit.methods.solving import solve
+from cvxlimit.paths.increment import Found, Increment, Loads
+from cvxlimit.paths.pairs import Pose
+from cvxlimit.paths.path import ZERO, Configuration, Ending, Path, Points, Work
+from cvxlimit.paths.points import CLOSED, Start
+from cvxlimit.paths.proof import bracket_of
 from cvxlimit.scene import Scene
+from cvxlimit.scene.scene import check_scene
+from cvxlimit.solution import Solution, Status
+
+REACH = 0.2
+"""Facets within this share of the contact size of each other may meet in a step; blocks that were
+farther off and are in each other after it make the step too long."""
+
+_STILL = 1e-9
+"""Movement over the contact size that an iterate may still ask for: a tenth of what blocks may be
+in each other, and ten times what solvers leave."""
+
+_NEARLY = 1e-7
+"""The same after more iterates than rocking ever takes: digits end where mechanisms compete."""
+
+_FEW, _MANY = 12, 24
+"""Iterates: rocking takes 3 to 6; what has not settled in 24 has not settled in 60."""
+
+_TURN = 0.5
+"""Largest rotation of an iterate, in radians: a tangent says nothing beyond."""
+
+_FINEST = 1e-3
+"""Of the first step: no equilibrium nearer than that, and the structure falls."""
+
+_STEPS = 8
+"""To the load factor asked for, as the first slope has it."""
+
+_MOST = 400
+"""Configurations of a path."""
+
+_AHEAD = 1.5
+"""Blocks that move so many times as far as at the pace before may have jumped."""
+
+
+@dataclass(frozen=True, eq=False)
+class _At:
+    """A configuration, the pose it is at, and the gap that its slips have opened."""
+
+    pose: Pose
+    shown: Configuration
+    loose: float
+    slides: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Failed:
+    """Why no equilibrium was found at w, and what moved in the last iterate (free blocks,)."""
+
+    w: float
+    kind: Ending
+    moved: FloatArray
+
+
+class _Walk:
+    """One path: what it has found so far, and how it goes on."""
+
+    def __init__(self, scene: Scene, certify: str, reach: float, tell: Callable[[str], None]):
+        self.scene, self.certify, self.tell = scene, certify, tell
+        self.size = scene.contacts.typical_size
+        self.loads = Loads(scene)
+        self.radius = np.array([
+            np.linalg.norm(b.vertices - b.centroid, axis=1).max()
+            for b in (scene.blocks[i] for i in scene.free)
+        ])  # fmt: skip
+        self.begin = Start.first(scene, reach)
+        self.facets = self.begin.facets
+        self.found: list[_At] = []
+        self.snaps: list[float] = []
+
+    def first(self) -> _At | _Failed:
+        """The scene as it is given, at the largest load factor."""
+        pose = self.begin.pose
+        points = self.begin.points(pose)
+        points = points.take(points.gap <= CLOSED * self.size)
+        answer = Increment(self.scene, points, pose, self.loads).solve(None)
+        if not isinstance(answer, Found):
+            return _Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
+        return self._shown(pose, points, answer, 0.0, 0.0, 1)
+
+    def settle(self, start: _At, w: float) -> _At | _Failed:
+        """The equilibrium at ``w`` that the iterates from ``start`` lead to."""
+        begin = self.begin
+        if start.pose is not begin.pose:
+            begin = Start.at(self.facets, start.pose, start.loose)
+        pose, before, share = start.pose, np.inf, 1.0
+        moved = np.zeros(len(self.scene.free))
+        for iterate in range(1, _MANY + 1):
+            points = begin.points(pose)
+            push = w * self.loads.size - self.loads.work(pose)[1]
+            answer = Increment(self.scene, points, pose, self.loads).solve(push)
+            if not isinstance(answer, Found):
+                is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
+                return _Failed(w, "blocked" if is_blocked else "falls", moved)
+            turned = np.linalg.norm(answer.d[:, 3:], axis=1)
+            moved = np.linalg.norm(answer.d[:, :3], axis=1) + turned * self.radius
+            size = float(moved.max()) / self.size
+            if size <= (_STILL if iterate < _FEW else _NEARLY):
+                found = self._shown(pose, points, answer, w, size, iterate)
+                apart = Start.at(self.facets, pose, found.loose).points(pose)
+                if apart.gap.min(initial=0.0) < -CLOSED * self.size:
+                    return _Failed(w, "not-converged", moved)
+                return found
+            # Where mechanisms compete, whole iterates go to and fro between them.
+            share = min(1.0, 2.0 * share) if size < 0.5 * before else max(0.5 * share, 0.125)
+            before = size
+            step = min(share if iterate > 4 else 1.0, _TURN / max(float(turned.max()), 1e-300))
+            pose = pose.moved(self.scene.free, step * answer.d)
+        return _Failed(w, "not-converged" if before < 0.1 else "falls", moved)
+
+    def _shown(
+        self, pose: Pose, points: Points, answer: Found, w: float, residual: float, iterates: int
+    ) -> _At:
+        n, slip = answer.forces[:, 0], np.linalg.norm(points.slip, axis=1)
+        bears = n > CLOSED * n.max(initial=0.0)
+        opened = points.gap[bears & (points.distance <= CLOSED * self.size)]
+        free = self.scene.free
+        turn = Rotation.from_matrix(pose.turn[free]).as_rotvec()
+        each = np.concatenate([pose.shift[free], turn], axis=1)
+        shown = Configuration(
+            self.scene, w, answer.load_factor,
+            {self.scene.blocks[i].id: d for i, d in zip(free.tolist(), each, strict=True)},
+            points, answer.forces, None, 0.0, residual, iterates,
+        )  # fmt: skip
+        slides = bool((slip[bears] > CLOSED * self.size).any())
+        return _At(pose, shown, float(opened.max(initial=0.0)), slides)
+
+    def proved(self, found: _At) -> _At:
+        shown = found.shown
+        bracket, widest = bracket_of(self.scene, shown.points, found.pose, self.loads)
+        return replace(found, shown=replace(shown, bracket=bracket, widest_gap=widest))
+
+    def keep(self, found: _At) -> None:
+        found = self.proved(found) if self.certify == "all" else found
+        self.found.append(found)
+        self.tell(f"w = {found.shown.w:.6g}: load factor {found.shown.load_factor:.6g}")
+
+    def distance(self, one: _At, other: _At) -> float:
+        """How far any block has moved between two configurations."""
+        free = self.scene.free
+        shift = np.linalg.norm(one.pose.shift[free] - other.pose.shift[free], axis=1)
+        turn = np.linalg.norm(one.pose.turn[free] - other.pose.turn[free], axis=(1, 2))
+        return float((shift + turn * self.radius).max())
+
+    def walk(self, step: float | None, until: float) -> tuple[Ending, str]:
+        """Go on until the path ends; how, and in words."""
+        first = self.first()
+        if isinstance(first, _Failed):
+            return "not-converged", "the first configuration has no solution"
+        self.keep(first)
+        h = self.step = step or self.size / 40.0
+        pace = np.inf
+        while len(self.found) <= _MOST:
+            here = self.found[-1]
+            there = self.settle(here, here.shown.w + h)
+            if isinstance(there, _Failed):
+                h *= 0.5
+                if h < _FINEST * self.step:
+                    return there.kind, self._why(there)
+                continue
+            if self._may_have_jumped(here, there, pace):
+                low, high = self._jump(here, there, pace)
+                if high is not there:
+                    self.snaps.append(low.shown.w)
+                    if low is not here:
+                        self.keep(low)
+                    self.keep(high)
+                    pace = np.inf
+                    if high.shown.load_factor <= until:
+                        return "zero", f"the load factor drops below {until:g} in a snap"
+                    continue
+            pace = self.distance(here, there) / h
+            if there.shown.load_factor <= until:
+                self.keep(self._end(here, there, until))
+                return "zero", f"the load factor has come down to {until:g}"
+            self.keep(there)
+            h = min(self.step, 2.0 * h)
+            if len(self.found) == 2 and step is None:
+                fall = first.shown.load_factor - there.shown.load_factor
+                left = (there.shown.load_factor - until) * there.shown.w
+                h = self.step = max(left / max(_STEPS * fall, left / self.size), there.shown.w)
+        return "steps", f"{_MOST} configurations did not bring the load factor down to {until:g}"
+
+    def _may_have_jumped(self, here: _At, there: _At, pace: float) -> bool:
+        """Where blocks moved farther than at the pace so far, or the dead load has risen by less
+        than the work that the load factors at both ends stand for."""
+        if self.distance(here, there) > _AHEAD * pace * (there.shown.w - here.shown.w):
+            return True
+        rise = self.loads.work(here.pose)[0] - self.loads.work(there.pose)[0]
+        way = self.loads.size * (there.shown.w - here.shown.w)
+        area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
+        return rise < area - 0.01 * way * abs(self.found[0].shown.load_factor)
+
+    def _jump(self, low: _At, high: _At, pace: float) -> tuple[_At, _At]:
+        """The last configuration before a jump and the first after it: halves in which blocks move
+        farther are halved again. Without a jump halves are alike, and the two stay as given."""
+        given = low, high
+        while high.shown.w - low.shown.w > _FINEST * self.step:
+            middle = self.settle(low, 0.5 * (low.shown.w + high.shown.w))
+            if isinstance(middle, _Failed):
+                return given
+            before, after = self.distance(low, middle), self.distance(middle, high)
+            if max(before, after) < 0.7 * (before + after):
+                return given
+            low, high = (low, middle) if before > after else (middle, high)
+        return low, high
+
+    def _end(self, here: _At, there: _At, until: float) -> _At:
+        """The configuration between two at which the load factor is ``until``."""
+        enough = 0.1 * ZERO * abs(self.found[0].shown.load_factor)
+        found = {x.shown.w: x for x in (here, there)}
+
+        def left(w: float) -> float:
+            if w not in found:
+                at = self.settle(here, w)
+                if isinstance(at, _Failed):
+                    raise ArithmeticError
+                found[w] = at
+            rest = found[w].shown.load_factor - until
+            return rest if abs(rest) > enough else 0.0
+
+        with suppress(ArithmeticError):
+            brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
+        return min(found.values(), key=lambda x: abs(x.shown.load_factor - until))
+
+    def _why(self, failed: _Failed) -> str:
+        ids = [self.scene.blocks[i].id for i in self.scene.free]
+        order = np.argsort(-failed.moved, kind="stable")[:3]
+        named = [ids[i] for i in order.tolist() if failed.moved[i] > 0.3 * failed.moved.max()]
+        who = f"; blocks that move most: {', '.join(named)}" if named and failed.moved.any() else ""
+        what = {
+            "falls": "no equilibrium follows",
+            "blocked": "no load factor moves the blocks any farther",
+        }.get(failed.kind, "the iterates do not settle")
+        return f"{what} beyond w = {self.found[-1].shown.w:.6g}{who}"
+
+    def work(self) -> Work:
+        """Area and potential over the stretches between jumps."""
+        area = potential = 0.0
+        w = np.array([x.shown.w for x in self.found])
+        alpha = np.array([x.shown.load_factor for x in self.found])
+        energy = np.array([-self.loads.work(x.pose)[0] for x in self.found])
+        cuts = [0, *(int(np.searchsorted(w, s, side="right")) for s in self.snaps), len(w)]
+        for begin, end in pairwise(cuts):
+            if end - begin > 1:
+                curve = CubicSpline(w[begin:end], alpha[begin:end])
+                area += self.loads.size * float(curve.integrate(w[begin], w[end - 1]))
+                potential += float(energy[end - 1] - energy[begin])
+        return Work(area, potential)
 
 
 def pushover(
@@ -19,5 +286,136 @@ def pushover(
     reach: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Path:
-    """The path of a structure after its collapse load factor."""
-    raise NotImplementedError
+    """The path of a structure after its collapse load factor, in finite displacements.
+
+    The live load's points of action are moved on step by step; blocks move exactly, contacts open,
+    close and appear, and the load factor is what holds each configuration. Friction is taken at
+    points, so that the first load factor differs from that of :func:`cvxlimit.solve`, which is
+    ``path.initial``. A bracket proves the load factor of its configuration, not that the structure
+    gets there.
+
+    Parameters
+    ----------
+    scene : Scene
+    step : float or None
+        Of w, the mean displacement of the live load, in the scene's unit of length; None: an eighth
+        of what the first slope takes to ``until``. Where an iterate fails, it is halved.
+    until : float
+        Load factor at which the path ends.
+    flow : {"associated"}
+        Joints that slide open by friction times slip within a step. Paths on which none slides, as
+        all that rock, do not depend on it or on the step.
+    control : (block id, direction) or None
+        Whose displacement ``path.displacement`` is; w without one.
+    certify : {"all", "last", "none"}
+        Which configurations get a bracket.
+    reach : float or None
+        How far apart faces may be at the start of a step to meet in it (length); None: a fifth of
+        the contact size.
+    progress : callable or None
+        Called with a line of text for every configuration.
+
+    Returns
+    -------
+    Path
+        Where it was interrupted, up to there.
+
+    Raises
+    ------
+    ModelError
+        For a scene that does not stand, a live load that does no harm, cohesion, tensile or
+        compressive strength, ties, pressures and moments, and for unknown choices.
+
+    Example
+    -------
+    A block of 0.4 by 1 m rocks about its edge until its centroid is above it:
+
+    >>> from cvxlimit import builtin_scene, pushover
+    >>> path = pushover(builtin_scene("single-block"))
+    >>> path.status, round(path.load_factor[0], 6), round(path.d0, 6)
+    ('zero', 0.4, 0.2)
+    """
+    check_scene(scene)
+    for name, value, known in (
+        ("flow", flow, ("associated",)), ("certify", certify, ("all", "last", "none"))
+    ):  # fmt: skip
+        if value not in known:
+            raise ModelError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    _refuse(scene)
+    for name, length in (("step", step), ("reach", reach)):
+        if length is not None:
+            positive(length, name)
+    if not is_number(until):
+        raise ModelError(f"until must be a load factor, got {until!r}")
+    about = None if control is None else _control(scene, control)
+    initial = solve(scene)
+    _refuse_answer(initial)
+    size = scene.contacts.typical_size
+    walk = _Walk(scene, certify, reach or REACH * size, progress or (lambda line: None))
+    ending: tuple[Ending, str]
+    try:
+        ending = walk.walk(step, float(until))
+    except KeyboardInterrupt:
+        if not walk.found:
+            raise
+        ending = "interrupted", "interrupted: what was found until then"
+    if certify == "last":
+        walk.found[-1] = walk.proved(walk.found[-1])
+    slides = any(x.slides for x in walk.found)
+    notes = ("joints slide on the way, so that the curve depends on the step",) if slides else ()
+    return Path(
+        initial, tuple(x.shown for x in walk.found), *ending, flow, walk.step, tuple(walk.snaps),
+        walk.work(), slides, about, notes,
+    )  # fmt: skip
+
+
+def _control(scene: Scene, control: Any) -> tuple[str, tuple[float, float, float]]:
+    try:
+        block, direction = control
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"control must be (block id, direction), got {control!r}") from error
+    free = [scene.blocks[i].id for i in scene.free]
+    if block not in free:
+        raise ModelError(f"control names {block!r}, which is no free block of {scene.name!r}")
+    x, y, z = finite_vector(direction, 3, "direction of the control point").tolist()
+    if not (x or y or z):
+        raise ModelError("direction of the control point must not be zero, got (0, 0, 0)")
+    return block, (x, y, z)
+
+
+def _refuse(scene: Scene) -> None:
+    """Scenes of which no path is known yet."""
+    contacts, has = scene.contacts, None
+    if scene.ties:
+        has = f"ties, as {scene.ties[0].a}-{scene.ties[0].b}"
+    for name, none in (
+        ("cohesion", 0.0), ("tensile_strength", 0.0), ("compressive_strength", np.inf)
+    ):  # fmt: skip
+        value = np.asarray(getattr(contacts, name))
+        if has is None and (value != none).any():
+            j = int(np.argmax(value != none))
+            has = f"{name.replace('_', ' ')}, {value[j]:g} at contact {contacts.names[j]}"
+    for load, name in ((scene.dead, "dead"), (scene.live, "live")):
+        if load.pressures:
+            has = has or f"pressures in the {name} load, as on block {load.pressures[0].block!r}"
+        for block, force in load.forces.items():
+            if any(force[3:]):
+                has = has or f"moments in the {name} load, as on block {block!r}"
+    if has:
+        raise ModelError(
+            f"scene {scene.name!r} has {has}: paths know dry friction and forces only; leave it "
+            "out, or solve for the load factor alone"
+        )
+
+
+def _refuse_answer(initial: Solution) -> None:
+    """Scenes whose path does not begin."""
+    why = ""
+    if initial.status is Status.DEAD_LOAD_UNSTABLE or initial.lower_end is not None:
+        why = "the dead load does not stand alone"
+    elif initial.status is Status.LIVE_LOAD_HARMLESS:
+        why = "the live load does no harm, so that nothing moves under it"
+    elif initial.load_factor is None:
+        why = f"its load factor was not found ({initial.status})"
+    if why:
+        raise ModelError(f"no path begins at scene {initial.drawn_scene.name!r}: {why}")
