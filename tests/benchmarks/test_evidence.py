@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 from dataclasses import asdict
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -172,8 +173,9 @@ def test_figures_are_held_against_records() -> None:
     ]  # fmt: skip
 
 
-def test_a_command_that_fails_leaves_no_record() -> None:
+def test_a_command_that_fails_leaves_no_record(monkeypatch: pytest.MonkeyPatch) -> None:
     failing = Part(1, "--nothing", "failing", experiment="small")
+    monkeypatch.setattr(evidence.sys, "executable", shutil.which("false"))
     with pytest.raises(evidence.subprocess.CalledProcessError):
         run(failing, "1a2b3c4", lambda line: None)
 

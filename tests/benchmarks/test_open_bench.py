@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from benchmarks.__main__ import main as benchmarks
 from benchmarks.baselines import V1, V2, N, program
 from benchmarks.bench import archive, outside, prove, running
 from benchmarks.bench.case import HOME, ROOT, SOURCES, STATES, cases, holds
@@ -232,12 +232,9 @@ def test_a_tool_does_not_tell_what_is_nearer_than_its_reach() -> None:
     assert marks == ["WRONG", "too near to tell"]
 
 
-def test_commands() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "benchmarks", "bench", "list", "--case", "overhang-*"],
-        capture_output=True, text=True, check=True, cwd=ROOT,
-    )  # fmt: skip
-    assert "overhang-harmonic-4" in done.stdout
+def test_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert benchmarks(["bench", "list", "--case", "overhang-*"]) == 0
+    assert "overhang-harmonic-4" in capsys.readouterr().out
 
 
 def test_digits_say_how_far_a_value_is_trusted() -> None:

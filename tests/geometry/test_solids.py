@@ -20,6 +20,7 @@ from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.penetration import Body
 from cvxlimit.geometry.shells import winding
 from cvxlimit.geometry.solids import solid
+from exhaustive import mostly_slow
 
 CUBE = Block.box("cube", (0, 0, 0), (1, 1, 1))
 L_SHAPE = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)
@@ -230,7 +231,7 @@ class TestTouchingItself:
     cells are counted against integrals and against booleans."""
 
     @pytest.mark.parametrize("turned", ["none", "all", "some"])
-    @pytest.mark.parametrize("seed", range(12))
+    @pytest.mark.parametrize("seed", mostly_slow(range(12), range(6)))
     def test_cells(self, seed: int, turned: str) -> None:
         rng = np.random.default_rng(seed)
         label, _ = ndimage.label(rng.random((3, 3, 3)) < 0.5, np.ones((3, 3, 3)))

@@ -17,7 +17,8 @@ from cvxlimit.solvers import settings_for
 from helpers import assert_certified
 from rows import assert_same_rows
 
-MORTAR = builtin_scene("tuff-wall").with_cohesion(3.0).with_strength(tensile=1.0, compressive=900.0)
+ARCH = builtin_scene("arch")
+MORTAR = ARCH.with_cohesion(3.0).with_strength(tensile=0.8, compressive=900.0)
 
 
 def with_values(scene: Scene, **values: Any) -> Scene:
@@ -29,16 +30,16 @@ def random(scene: Scene, low: float, high: float) -> np.ndarray:
 
 
 CASES = {
-    "friction": (builtin_scene("tuff-wall"), "friction", lambda s: 0.5),
+    "friction": (ARCH, "friction", lambda s: 0.5),
     "friction, one per contact": (
-        builtin_scene("tuff-wall"),
+        ARCH,
         "friction",
         lambda s: random(s, 0.4, 0.8),
     ),
     "friction with mortar": (MORTAR, "friction", lambda s: random(s, 0.4, 0.8)),
     "cohesion": (MORTAR, "cohesion", lambda s: 2.0),
     "tensile_strength": (MORTAR, "tensile_strength", lambda s: random(s, 0.0, 2.0)),
-    "compressive_strength": (builtin_scene("tuff-wall"), "compressive_strength", lambda s: 300.0),
+    "compressive_strength": (ARCH, "compressive_strength", lambda s: 300.0),
 }
 
 

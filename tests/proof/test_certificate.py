@@ -137,6 +137,7 @@ class TestCorruptedForces:
 
 
 class TestCorruptedMechanisms:
+    @pytest.mark.exhaustive_cases("ferris-tin-loi-3")
     @pytest.mark.parametrize("name", NAMES)
     def test_noise_widens_the_bracket_and_never_breaks_it(self, name: str) -> None:
         _, certifier, state, factor = case(name)

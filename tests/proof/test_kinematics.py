@@ -12,7 +12,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import LimitState, default_ladder
 from cvxlimit.surfaces import Sliding, Torsion
 from cvxlimit.surfaces.coulomb import Rocking, surfaces_of
-from exhaustive import mostly_slow
+from exhaustive import mostly_slow, slow
 from helpers import missing_opening, rotations, scenes
 from kinematics import KinematicProblem
 
@@ -20,7 +20,7 @@ AGREE = 1e-6
 """Asked of static and kinematic factors; both solvers stop at 1e-10, so this leaves room."""
 
 
-@pytest.mark.parametrize("surface", ["conic", "octagon"])
+@pytest.mark.parametrize("surface", ["conic", slow("octagon")])
 @pytest.mark.parametrize("name", mostly_slow(BUILTIN, BUILTIN.keys() - {"s10-panel", "s12-panel"}))
 def test_static_is_kinematic_on_builtin_scenes(name: str, surface: str) -> None:
     scene = builtin_scene(name)

@@ -26,6 +26,7 @@ from cvxlimit.solvers import settings_for
 from cvxlimit.studies import varied
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of
+from exhaustive import slow
 from helpers import assert_certified, hand_equilibrium, yield_excess
 
 SAME = 1e-6
@@ -377,7 +378,7 @@ OTHERS = (
 )
 
 
-@pytest.mark.parametrize("surface", ["conic", "octagon"])
+@pytest.mark.parametrize("surface", [slow("conic"), "octagon"])
 def test_what_strengths_share_is_what_is_made_anew(surface: str) -> None:
     """Matrices and brackets of scenes in turn, of which some have the same strengths."""
     alone, surfaces = Assemblage.of(builtin_scene("arch")), surfaces_of(surface)[0]

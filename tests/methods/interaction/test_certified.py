@@ -223,7 +223,9 @@ def twisted(y: float) -> Scene:
     return Scene([ground, block], ["ground"], live, friction=0.5)
 
 
-@pytest.mark.exhaustive_cases("signed-0.02", "signed-0.05", "independent-0.02", "independent-0.05")
+@pytest.mark.exhaustive_cases(
+    "signed-0.02", "signed-0.05", "signed-0.15", "independent-0.02", "independent-0.05"
+)
 @pytest.mark.parametrize("y", [0.02, 0.05, 0.15])
 @pytest.mark.parametrize("moments", MOMENTS)
 def test_a_centre_that_statics_holds(y: float, moments: str) -> None:
@@ -256,6 +258,7 @@ def test_signed_moments_stand_where_torsion_about_the_middle_would_not(slope: fl
     assert solution.upper == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.exhaustive_cases("3.3-pressed", "3.3-pushed")
 @pytest.mark.parametrize("push", ["slab", "pressed", "pushed"])
 @pytest.mark.parametrize("force", [3.0, 3.3, 4.5])
 def test_a_dead_load_that_only_stands_when_it_is_pushed(force: float, push: str) -> None:

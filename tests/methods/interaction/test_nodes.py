@@ -150,7 +150,7 @@ def test_no_state_in_a_box_does_more_work_than_its_bound(corners: int, name: str
     half, corner = half_extent(contacts), contacts.corners_of(0)
     for _ in range(6):
         boxes = random_boxes(contacts, rng)
-        weights = rng.dirichlet(np.full(len(corner), 0.5), 200)
+        weights = rng.dirichlet(np.full(len(corner), 0.5), 80)
         e = weights @ corner
         inside = ((e / half >= boxes[0, :, 0]) & (e / half <= boxes[0, :, 1])).all(axis=1)
         e = e[inside]

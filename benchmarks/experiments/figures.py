@@ -1,7 +1,5 @@
 """Which of the chosen figures in the source matter.
 
-    .venv/bin/python -m benchmarks.figures [--only PART] [--list] [--interaction] > table.txt
-
 A chosen figure is a number that somebody wrote into a constant of a module or into the default of
 a field of a class. For each of them that thirty small scenes read (ten built-in ones, ten random
 walls, ten with interaction), a round value and the value of its neighbour are tried: the scenes
@@ -18,7 +16,6 @@ belongs to something else (domains, pictures, solvers of others), and is not lis
 
 from __future__ import annotations
 
-import argparse
 import ast
 import dis
 import json
@@ -26,7 +23,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
 from importlib.util import find_spec
@@ -34,7 +31,9 @@ from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
 
-ROOM = Path(__file__).parents[1] / "src" / "cvxlimit"
+from benchmarks.experiment import Head, Lines, Title, experiment
+
+ROOM = Path(__file__).parents[2] / "src" / "cvxlimit"
 
 LEFT_OUT = ("methods/dilatancy", "plotting", "cli", "io", "masonry", "compare")
 """Folders whose figures are another matter: drawing, sizes of built-in scenes, other methods."""
@@ -68,7 +67,7 @@ class Figure:
         return f"{self.path}:{self.line} {self.owner}{self.name}"
 
 
-def figures() -> Iterator[Figure]:
+def chosen() -> Iterator[Figure]:
     """All of them, but for those in folders that are left out."""
     for path in sorted(ROOM.rglob("*.py")):
         inside = path.relative_to(ROOM).as_posix()
@@ -107,44 +106,42 @@ def number(value: ast.expr) -> float | None:
     return found if is_number and math.isfinite(found) and found not in (0, 1) else None
 
 
-def others(figure: Figure, among: list[Figure]) -> dict[str, float]:
-    """A round value and the neighbour's: values to try in place of a figure."""
+def others(figure: Figure, among: list[Figure], has_neighbour: bool) -> list[float]:
+    """A round value, and the neighbour's: values to try in place of a figure."""
     value, kind = figure.value, type(figure.value)
     exponent = math.floor(math.log10(abs(value)) + 0.5)
     powers = (10.0 ** (exponent + i) for i in (0, 1, -1))
-    tried: dict[str, float] = {}
     if kind is int:
         nearest = min(
             (5, 2, 10, 20, 50, 100, 1000, 10_000), key=lambda v: abs(math.log(v / abs(value)))
         )
-        tried["round"] = nearest if nearest != value else 2 * value
+        tried: list[float] = [nearest if nearest != value else 2 * value]
     else:
-        tried["round"] = math.copysign(
-            next(p for p in powers if not math.isclose(p, abs(value))), value
-        )
+        tried = [math.copysign(next(p for p in powers if not math.isclose(p, abs(value))), value)]
     near = [
         f.value for f in among
         if f.path == figure.path and type(f.value) is kind and f.value != value
         and f.value * value > 0.0
     ]  # fmt: skip
-    if near:
-        tried["neighbour"] = min(near, key=lambda v: abs(math.log(v / value)))
+    if near and has_neighbour:
+        tried.append(min(near, key=lambda v: abs(math.log(v / value))))
     return tried
 
 
-def scenes(has_interaction: bool) -> dict[str, tuple[Any, dict[str, Any]]]:
+def scenes_of(kind: str) -> dict[str, tuple[Any, dict[str, Any]]]:
     """By name: a scene, and how it is solved."""
     from cvxlimit import builtin_scene
     from cvxlimit.masonry import random_wall
 
-    if not has_interaction:
+    if kind == "plain":
         names = (
             "single-block", "stack", "ferris-tin-loi-1", "ferris-tin-loi-2", "ferris-tin-loi-3",
             "arch", "tuff-wall", "arch-on-piers", "flying-buttress", "barrel-vault",
         )  # fmt: skip
         found: dict[str, Any] = {name: (builtin_scene(name), {}) for name in names}
         return found | {f"wall {seed}": (random_wall(seed), {}) for seed in range(10)}
-    plain, paper, tight = {}, {"moments": "paper"}, {"tolerance": 1e-2}
+    plain: dict[str, Any] = {}
+    paper, tight = {"moments": "paper"}, {"tolerance": 1e-2}
     how = (plain, plain, plain, {"moments": "signed"}, paper, paper, tight, tight, tight, tight)
     sizes = ((2, 2), (2, 3), (3, 2))
     walls = {f"wall {s} with interaction": random_wall(s, sizes=sizes) for s in range(20, 30)}
@@ -158,14 +155,14 @@ Found = dict[str, tuple[float, float, float]]
 """By scene: lower and upper bound, and processor time."""
 
 
-def solved(has_interaction: bool, names: set[str] | None = None, runs: int = 3) -> Found:
+def solved(kind: str, names: set[str], runs: int) -> Found:
     """Bounds, and the least time of so many runs; the first of all warms the process up."""
     from cvxlimit import builtin_scene, solve
 
     solve(builtin_scene("single-block"))
     found: Found = {}
-    for name, (scene, options) in scenes(has_interaction).items():
-        if names is not None and name not in names:
+    for name, (scene, options) in scenes_of(kind).items():
+        if name not in names:
             continue
         len(scene.contacts)
         spent = []
@@ -181,7 +178,7 @@ def solved(has_interaction: bool, names: set[str] | None = None, runs: int = 3) 
     return found
 
 
-def names_read(has_interaction: bool) -> dict[str, list[str]]:
+def names_read(kind: str, most: int) -> dict[str, list[str]]:
     """By scene: names that are loaded by functions which it runs, or when modules are imported."""
     codes: set[CodeType] = set()
 
@@ -192,7 +189,7 @@ def names_read(has_interaction: bool) -> dict[str, list[str]]:
     from cvxlimit import solve
 
     found: dict[str, list[str]] = {}
-    for name, (scene, options) in scenes(has_interaction).items():
+    for name, (scene, options) in list(scenes_of(kind).items())[:most]:
         codes.clear()
         sys.setprofile(seen)
         solve(scene, **options)
@@ -236,7 +233,7 @@ def changed_source(figure: Figure, value: float) -> None:
             return compile(edited, self.path, "exec", dont_inherit=True)
         return plain(self, fullname)
 
-    SourceFileLoader.get_code = get_code  # type: ignore[method-assign]
+    SourceFileLoader.get_code = get_code  # type: ignore[method-assign, assignment]
 
 
 def in_a_child(what: Any) -> Any:
@@ -260,13 +257,11 @@ def in_a_child(what: Any) -> Any:
     return json.loads(text or "null")
 
 
-def trial(
-    has_interaction: bool, names: set[str], changed: tuple[Figure, float] | None, runs: int
-) -> Any:
+def trial(kind: str, names: set[str], changed: tuple[Figure, float] | None, runs: int) -> Any:
     def run() -> Found:
         if changed is not None:
             changed_source(*changed)
-        return solved(has_interaction, names, runs)
+        return solved(kind, names, runs)
 
     return in_a_child(run)
 
@@ -288,11 +283,11 @@ def spent(found: Found) -> float:
 
 
 def verdict(
-    has_interaction: bool, names: set[str], figure: Figure, value: float, base: Found,
+    kind: str, names: set[str], figure: Figure, value: float, base: Found,
     is_timed: bool,
 ) -> str:  # fmt: skip
     """What another value of a figure does: to brackets, to time; "" for nothing."""
-    found = trial(has_interaction, names, (figure, value), 3 if is_timed else 1)
+    found = trial(kind, names, (figure, value), 3 if is_timed else 1)
     if found is None:
         return "refused"
     said = moved(base, found)
@@ -303,67 +298,44 @@ def verdict(
         return ""
     ratios = []
     for _ in range(REPEATS):  # side by side, since a busy machine changes from minute to minute
-        before = trial(has_interaction, names, None, 3)
-        after = trial(has_interaction, names, (figure, value), 3)
+        before = trial(kind, names, None, 3)
+        after = trial(kind, names, (figure, value), 3)
         ratios.append(spent(after) / spent(before))
     ratio = sorted(ratios)[REPEATS // 2]
     return f"{100.0 * (ratio - 1.0):+8.0f} % of time" if abs(ratio - 1.0) > SLOWER else ""
 
 
-def say(line: str) -> None:
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()
+@experiment()
+def figures(
+    only: str = "", kinds: Sequence[str] = ("plain", "interaction"), scenes: int = 10,
+    timed: bool = False, neighbours: bool = False, listed: bool = False,
+) -> Lines:  # fmt: skip
+    """Which chosen figures matter: those whose place and name hold a text, on so many scenes.
 
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", default="", help="part of the paths, or names, to try")
-    parser.add_argument(
-        "--interaction", action="store_true", help="the ten scenes with interaction only"
-    )
-    parser.add_argument("--plain", action="store_true", help="the twenty without only")
-    parser.add_argument("--list", action="store_true", help="list the figures, and try none")
-    parser.add_argument("--round", action="store_true", help="round values only")
-    parser.add_argument(
-        "--untimed", action="store_true", help="brackets only, in a third of the time"
-    )
-    asked = parser.parse_args()
-    known = list(figures())
-    wanted = [f for f in known if asked.only in f.label]
-    if asked.list:
-        say("\n".join(f"{f.label} = {f.value}" for f in wanted))
+    Of brackets unless ``timed``, which takes three times as long, with round values, and those of
+    ``neighbours``; figures are merely ``listed`` where asked.
+    """
+    known = list(chosen())
+    wanted = [figure for figure in known if only in figure.label]
+    if listed:
+        yield Head("figure", "value")
+        yield from ((figure.label, figure.value) for figure in wanted)
         return
     import cvxpy  # noqa: F401  what children share
     import scipy.optimize  # noqa: F401
 
     always = at_import()
-    for has_interaction in (False, True):
-        if (asked.plain and has_interaction) or (asked.interaction and not has_interaction):
-            continue
-        read = in_a_child(lambda kind=has_interaction: names_read(kind))
-        every = set(read)
-        base = trial(has_interaction, every, None, 3)
-        again = trial(has_interaction, every, None, 3)
-        steady = {name for name in every if not moved({name: base[name]}, {name: again[name]})}
-        total = f"{spent(base):.1f} s"
-        kind = "with" if has_interaction else "without"
-        say(f"== {kind} interaction: {len(steady)} scenes, {total}")
-        for name in sorted(every - steady):
-            say(f"left out, since it is not the same twice: {name}")
+    for kind in kinds:
+        read = in_a_child(lambda kind=kind: names_read(kind, scenes))
+        base = trial(kind, set(read), None, 3)
+        again = trial(kind, set(read), None, 3)
+        steady = {name for name in read if not moved({name: base[name]}, {name: again[name]})}
+        yield Title(kind)
+        yield f"{len(steady)} scenes, {spent(base):.1f} s"
+        yield from (f"not the same twice: {name}" for name in sorted(set(read) - steady))
+        yield Head("figure", "is", "tried", "scenes", "what moved")
         for figure in wanted:
             names = {name for name in steady if figure.name in read[name] or figure.name in always}
-            if not names:
-                continue
-            for which, value in others(figure, known).items():
-                if asked.round and which != "round":
-                    continue
-                said = (
-                    verdict(has_interaction, names, figure, value, base, not asked.untimed)
-                    or "nothing"
-                )
-                what = f"{figure.label} = {figure.value} -> {value} ({which})"
-                say(f"{what:100} {len(names):3} scenes: {said}")
-
-
-if __name__ == "__main__":
-    main()
+            for value in others(figure, known, neighbours) if names else ():
+                said = verdict(kind, names, figure, value, base, timed) or "nothing"
+                yield figure.label, figure.value, value, len(names), said
