@@ -9,8 +9,10 @@ imports what it needs when it is called, since pictures need a second to load.
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from typing import Any
 
+from cvxlimit.errors import InputError
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.paths.path import Path
 from cvxlimit.scene import Scene
@@ -66,6 +68,18 @@ def solution_plot(
     from cvxlimit.plotting import picture_of
 
     return picture_of(solution, kind, path, **options)
+
+
+def solution_report(solution: Solution, file: str | os.PathLike[str] | None, given: Any) -> Any:
+    """:meth:`cvxlimit.Solution.report`."""
+    from cvxlimit.io import scene_digest
+    from cvxlimit.plotting.reporting import report
+
+    if given["sensitivity"] is None and (derive := getattr(solution, "sensitivity", None)):
+        with suppress(InputError):  # no optimum of one convex problem has derivatives
+            given = given | {"sensitivity": derive()}
+    made = report(solution, scene_digest(solution.drawn_scene), **given)
+    return made if file is None else made.save(file)
 
 
 def solution_table(solution: Solution, what: str) -> Any:

@@ -74,6 +74,10 @@ def plot_option() -> Any:
     )
 
 
+def report_option() -> Any:
+    return option("FILE.html", "Page to print on two sheets, and to sign.", group=OUTPUT)
+
+
 def scene_named(name: str) -> Scene:
     """The scene of a built-in name, which wins, or of a file."""
     if name in BUILTIN:
@@ -99,11 +103,13 @@ class Files:
     json: Path | None
     plot: Sequence[str] | None = None
     export: Path | None = None
+    report: Path | None = None
 
     def check(self, scene: str) -> None:
         inputs = {} if scene in BUILTIN else {scene: "the scene"}
         outputs = {"--json": None if self.is_piped else self.json, "--export": self.export}
-        kinds: dict[str, Sequence[str]] = {"export": EXPORTS}
+        outputs["--report"] = self.report
+        kinds: dict[str, Sequence[str]] = {"export": EXPORTS, "report": (".html",)}
         for number, (kind, path) in enumerate(self.pictures):
             name = "plot" if kind == "mechanism" else f"plot {kind}:"
             name += "" if f"--{name}" not in outputs else f" ({number + 1})"
@@ -146,6 +152,8 @@ class Files:
                 complain(f"{path} is not drawn: {error}")
         if self.export is not None:
             yield from export(scene, self.export, solution)
+        if self.report is not None:
+            yield solution.of(scene).report(self.report)
 
 
 def _drawn(kind: str, scene: Scene, solution: Solution, path: Path) -> Sequence[Path]:
@@ -211,6 +219,7 @@ class Order:
     export: Path | None = option(
         "FILE", "Contacts with their forces (.csv), or the blocks (.obj, .glb).", group=OUTPUT
     )
+    report: Path | None = report_option()
     tolerance: float | None = option(
         "WIDTH",
         "Asked relative width of the bracket, or change at which the fixed point stops. Unless "
@@ -245,7 +254,7 @@ class Order:
 @taking(Order)
 def solve_command(order: Order) -> ExitCode:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
-    files = Files(order.json, order.plot, order.export)
+    files = Files(order.json, order.plot, order.export, order.report)
     files.check(order.scene)
     settings = order.settings()
 
@@ -291,12 +300,13 @@ class Movement:
     surface: str = surface_option()
     json: Path | None = result_option()
     plot: list[str] | None = plot_option()
+    report: Path | None = report_option()
 
 
 @taking(Movement)
 def settle_command(asked: Movement) -> ExitCode:
     """Find the least or largest reaction of a support that moves, under the dead load alone."""
-    files = Files(asked.json, asked.plot)
+    files = Files(asked.json, asked.plot, report=asked.report)
     files.check(asked.scene)
     along = vector("--direction", asked.direction, "0,0,-1")
 

@@ -387,5 +387,51 @@ class Solution:
         """
         return attached("solution_plot")(self, kind, path, options)
 
+    def report(
+        self,
+        file: str | os.PathLike[str] | None = None,
+        *,
+        path: Any = None,
+        check: Any = None,
+        sensitivity: Any = None,
+        without_dilatancy: Solution | None = None,
+    ) -> Any:
+        """One page in a file of its own that prints to two sheets of A4, to be read and signed.
+
+        It has the result with its bracket and what that rests on, pictures of structure and
+        mechanism, loads, joints, what was simplified or assumed, versions, the scene's digest and
+        how to cite. Numbers have units; names are shown as they are, never as markup.
+
+        Parameters
+        ----------
+        file : path or None
+            Ends in ``.html``. Without it the page is returned, which notebooks show.
+        path, check, sensitivity : optional
+            Sections to add: what :func:`cvxlimit.pushover` and :func:`cvxlimit.code_check`
+            return, a text, a mapping, or a table of pandas.
+        without_dilatancy : Solution, optional
+            Of method ``"zero-dilatancy"``, whose load factor is put beside this one.
+
+        Returns
+        -------
+        Page; with a file, its path
+
+        Raises
+        ------
+        InputError
+            If the solution has no scene, as after reading a file, or the file cannot be written.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene, solve
+        >>> page = solve(builtin_scene("dam")).report(check="Checked by hand: sliding at 1.057.")
+        >>> "Checked by hand" in page
+        True
+        """
+        given = {"path": path, "check": check, "sensitivity": sensitivity}
+        return attached("solution_report")(
+            self, file, given | {"without_dilatancy": without_dilatancy}
+        )
+
     def _repr_html_(self) -> str:
         return str(attached("solution_html")(self))

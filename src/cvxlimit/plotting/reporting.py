@@ -1,0 +1,312 @@
+"""A solution as two pages to print and sign: what was solved, what came out, what it rests on."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
+from io import BytesIO
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.versions import __version__
+from cvxlimit.errors import ModelError
+from cvxlimit.geometry.strengths import PROPERTIES
+from cvxlimit.plotting.look import printable
+from cvxlimit.plotting.movement import motion
+from cvxlimit.plotting.pictures.mechanism import mechanism_of
+from cvxlimit.plotting.pictures.webpage import Page, asset
+from cvxlimit.plotting.registry import figures
+from cvxlimit.scene import Load, Scene, Units
+from cvxlimit.solution import LOAD_FACTOR, Solution, Status
+from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
+from cvxlimit.solution.kinematics import ContactKind
+
+LONGEST, LONGEST_NAME, MOST_NAMES, MOST_ROWS, MOST_BLOCKS = 600, 40, 6, 12, 20_000
+"""Characters of a sentence and of a name, names in a list, and rows of a text that is given, so
+that two sheets hold any structure; blocks up to which pictures are drawn, in about ten seconds."""
+
+Rows = Iterator[tuple[str, str]]
+
+
+def report(
+    solution: Solution,
+    digest: str,
+    path: Any = None,
+    check: Any = None,
+    sensitivity: Any = None,
+    without_dilatancy: Solution | None = None,
+) -> Page:
+    """The page of :meth:`cvxlimit.Solution.report`; ``digest`` is that of the scene."""
+    scene = solution.drawn_scene
+    given = {"Sensitivity": sensitivity, "Path": path, "Code check": check}
+    sections = [
+        ("Result", _table(_result(solution, without_dilatancy), "result")),
+        ("", _pictures(scene, solution)),
+        ("Structure", _table(_structure(scene))),
+        ("Loads", _table(_loads(scene, solution))),
+        ("Joints", _table(_joints(scene))),
+        ("Assumptions", _list(_assumptions(scene, solution))),
+        ("Mechanism", _table(_mechanism(scene, solution))),
+        *((name, _shown(value)) for name, value in given.items() if value is not None),
+        ("How it was found", _table(_found(solution, digest))),
+        ("", _SIGNATURE),
+    ]
+    body = "".join(f"<h2>{head}</h2>{text}" if head else text for head, text in sections if text)
+    name = _text(scene.name)
+    return Page(asset("report.html").replace("<!--TITLE-->", name).replace("<!--BODY-->", body))
+
+
+_SIGNATURE = """<p class="sign"><span>checked by</span><span>place and date</span>
+<span>signature</span></p>"""
+
+
+def _result(solution: Solution, without: Solution | None) -> Rows:
+    unit = "" if solution.quantity == LOAD_FACTOR else f" {_units(solution).force}"
+    value = "none" if solution.load_factor is None else rounded(solution.load_factor, 5)
+    yield solution.quantity, (solution.range_text or value) + unit
+    if solution.bracket.has_any:
+        low, high = rounded_down(solution.lower, 6), rounded_up(solution.upper, 6)
+        yield "bracket", f"between {low} and {high}{unit}, relative width {solution.gap:.1e}"
+    yield "status", f"{solution.standing}: {solution.status.advice}"
+    sliding, lumped = str(solution.dilatancy or ""), str(solution.lumped or "")
+    basis = solution.note
+    for said in (lumped, sliding):
+        basis = basis.removesuffix(said).removesuffix("; ")
+    if basis:
+        yield "rests on", basis
+    if sliding:
+        yield "sliding", sliding
+    elif solution.dilatancy is not None:
+        share = 100.0 * solution.dilatancy.share
+        yield "sliding", f"none that counts: dilatancy takes {share:.2g} % of the live load's work"
+    if without is not None and without.load_factor is not None:
+        found = f"{rounded(without.load_factor, 5)} ({without.flow}, {without.standing})"
+        yield "without dilatancy", found
+
+
+def _pictures(scene: Scene, solution: Solution) -> str:
+    if len(scene.blocks) > MOST_BLOCKS:
+        return ""
+    try:
+        made = figures()
+        drawings = [("the structure and its loads", made.scene_drawing(scene, None, None))]
+        if solution.mechanism:
+            drawings.append(("the mechanism", mechanism_of(scene, solution)))
+        shown = ""
+        for text, drawing in drawings:
+            file = BytesIO()
+            sheet = made.Sheet(figsize=(4.6, 3.6), title="")
+            made.drawn(drawing, sheet).savefig(file, format="png", dpi=150)
+            data = base64.b64encode(file.getvalue()).decode("ascii")
+            shown += (
+                f'<figure><img alt="{text}" src="data:image/png;base64,{data}">'
+                f"<figcaption>{text[0].upper()}{text[1:]}</figcaption></figure>"
+            )
+        return f'<div class="pictures">{shown}</div>'
+    except ModelError as error:  # without Matplotlib the figures are still worth having
+        return f"<p>{_text(f'no pictures: {error}')}</p>"
+
+
+def _structure(scene: Scene) -> Rows:
+    unit = scene.units
+    free = [scene.blocks[i] for i in scene.free]
+    yield "free blocks", f"{len(free)}, weight {scene.total_weight:.6g} {unit.force}"
+    yield "supports", f"{len(scene.supports)}: {_names(scene.supports)}"
+    size = np.ptp(np.concatenate([block.vertices for block in free]), axis=0)
+    yield "size of the free blocks", _vector(size, unit.length, " x ")
+    density = np.array([block.density or 0.0 for block in free])
+    yield "weight per volume", f"{_range(density)} {unit.force}/{unit.length}³"
+    tolerance = "one hundredth of the thinner block's mean thickness"
+    if scene.joint_tolerance is not None:
+        tolerance = f"{scene.joint_tolerance:g} {unit.length}"
+    yield "contacts", f"{len(scene.contacts)}, found within a joint tolerance of {tolerance}"
+    for tie in scene.ties[:MOST_NAMES]:
+        yield (
+            "tie",
+            f"{_names([tie.a])} - {_names([tie.b])}, yields at {tie.yield_force:g} {unit.force}",
+        )
+    yield from (("simplified", said) for said in scene.told)
+    if not scene.told:
+        yield "simplified", "nothing: no near misses, no faces taken as planes they are not in"
+
+
+def _loads(scene: Scene, solution: Solution) -> Rows:
+    for case, load, forces in (
+        ("dead", scene.dead, scene.dead_forces),
+        ("live", scene.live, scene.live_forces),
+    ):
+        if case == "live" and solution.quantity != LOAD_FACTOR:
+            continue  # a reaction is under the dead load alone
+        said = "; ".join(_parts(load, scene.units)) or "none"
+        resultant = _vector(forces[:, :3].sum(axis=0), scene.units.force)
+        yield f"{case} load", f"{said}; {resultant} in all"
+    if solution.quantity == LOAD_FACTOR:
+        yield "load factor", "multiplies the live load alone"
+
+
+def _parts(load: Load, units: Units) -> Iterator[str]:
+    if load.gravity is not None:
+        yield f"own weight along {_vector(load.gravity)}"
+    if load.acceleration is not None:
+        yield f"weights times {_vector(load.acceleration)}"
+    for each in load.growing:
+        yield (
+            f"weights times {_vector(each.acceleration)}, growing from nothing at "
+            f"{_vector(each.base)} to that at {_vector(each.top)} {units.length}"
+        )
+    for number, what in (
+        (len(load.forces), "force at a centroid"),
+        (len(load.points), "force at a point"),
+        (len(load.weights), "block with a weight of its own"),
+    ):
+        if number:
+            yield f"{what}: {number}"
+    if load.pressures:
+        per = f"{units.force}/{units.length}"
+        slope = max(float(np.linalg.norm(p.gradient)) for p in load.pressures)
+        grows = f", growing by up to {slope:.4g} {per}³" if slope else ""
+        value = _range(np.array([p.pressure for p in load.pressures]))
+        yield f"pressures: {len(load.pressures)}, of {value} {per}²{grows}"
+
+
+def _joints(scene: Scene) -> Rows:
+    area = f" {scene.units.force}/{scene.units.length}²"
+    for what, each in PROPERTIES.items():
+        value, own = getattr(scene, what), getattr(scene, f"contact_{what}")
+        text = "unlimited" if value == np.inf else f"{value:g}"
+        if value not in (0.0, np.inf) and each.metadata["per_area"]:
+            text += area
+        if own:
+            pairs = _names([f"{a} - {b}" for a, b in own])
+            text += f"; {_range(np.array([*own.values()]))} at {len(own)}: {pairs}"
+        yield what.replace("_", " "), text
+
+
+def _assumptions(scene: Scene, solution: Solution) -> Iterator[str]:
+    yield "Blocks are rigid; the geometry is that before any movement, and joints are plane."
+    if not np.any(scene.contacts.tensile_strength):
+        yield "Joints bear no tension."
+    if np.isinf(scene.contacts.compressive_strength).all():
+        yield "Stone does not crush."
+    if solution.flow == "associated":
+        yield (
+            "Sliding obeys Coulomb's law with dilatancy (associated flow): joints open as they "
+            "slide, and where they do the load factor is an upper bound of what Coulomb friction "
+            "without dilatancy holds."
+        )
+    else:
+        yield "Sliding obeys Coulomb's law without dilatancy, for which there is no single answer."
+    torsion = f"Friction's surface: {solution.surface}, torsion with shear {solution.torsion_shear}"
+    if solution.interaction == "none":
+        yield f"{torsion}; torsion is not reduced where the pressure is eccentric."
+    else:
+        how = f"{solution.interaction}, {solution.moments} moments"
+        yield f"{torsion}; reduced where the pressure is eccentric ({how})."
+    yield "Loads act at once and statically; there is neither settlement nor temperature."
+
+
+def _mechanism(scene: Scene, solution: Solution) -> Rows:
+    if not solution.mechanism:
+        return
+    moving = motion(scene, solution)
+    for kind in (ContactKind.OPENS, ContactKind.SLIDES, ContactKind.TWISTS):
+        which = np.flatnonzero(moving.contacts.kind == kind).tolist()
+        names = _names([scene.contacts.names[j] for j in which])
+        yield f"joint {kind.name.lower()}", f"{len(which)} of {len(scene.contacts)}: {names}"
+    fast = [scene.blocks[i].id for i in np.argsort(-moving.speed, kind="stable")[:MOST_NAMES]]
+    yield "fastest blocks", _names(fast)
+
+
+def _found(solution: Solution, digest: str) -> Rows:
+    solvers = dict.fromkeys(iterate.solver for iterate in solution.history)
+    number = len(solution.history)
+    yield "solver", f"{_names(list(solvers))}; {number} solve{'s' * (number != 1)}"
+    if solution.model:
+        yield "model", f"reduced ({', '.join(solution.model)}); bounds hold for the full one"
+    if solution.status is Status.CERTIFIED:
+        yield "bounds", "recomputed from forces and mechanism, outside the solver"
+    used = solution.versions or {"cvxlimit": __version__}
+    yield "versions", ", ".join(f"{name} {number}" for name, number in used.items())
+    yield "digest of the scene", digest
+    yield (
+        "cite",
+        (
+            "The cvxlimit engineers: cvxlimit, certified collapse loads of dry-jointed masonry by "
+            f"convex optimisation, version {used.get('cvxlimit', __version__)}; model: Portioli et "
+            "al., Archive of Applied Mechanics 83 (2013), 1415-1438"
+        ),
+    )
+
+
+def _shown(value: Any) -> str:
+    """A text, a table of pandas, rows of anything with ``rows``, or what it says of itself."""
+    if hasattr(value, "columns") and hasattr(value, "itertuples"):
+        named = [value.index.name or "", *map(str, value.columns)]
+        return _grid(value.itertuples(), named)
+    if isinstance(value, Mapping):
+        return _table((str(name), _plain(each)) for name, each in value.items())
+    if hasattr(value, "rows"):
+        rows = list(value.rows)
+        return _table(rows) if all(len(row) == 2 for row in rows) else _grid(rows)
+    return "".join(f"<p>{_text(line)}</p>" for line in str(value).splitlines()[:MOST_ROWS])
+
+
+def _grid(rows: Iterable[Sequence[Any]], head: Sequence[str] = ()) -> str:
+    listed = list(rows)
+    cells = [[*map(_plain, row)] for row in islice(listed, 2 * MOST_ROWS)]
+    if len(listed) > len(cells):
+        cells.append([f"and {len(listed) - len(cells)} more"])
+    titles = "".join(f"<th>{_text(name)}</th>" for name in head)
+    lines = "".join("".join(f"<td>{_text(x)}</td>" for x in row).join(_ROW) for row in cells)
+    return f'<table class="grid">{titles.join(_ROW) if head else ""}{lines}</table>'
+
+
+_ROW = ("<tr>", "</tr>")
+
+
+def _plain(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _table(rows: Iterable[tuple[str, str]], kind: str = "facts") -> str:
+    lines = "".join(
+        f"<tr><th>{_text(a, 2 * LONGEST_NAME)}</th><td>{_text(b)}</td></tr>" for a, b in rows
+    )
+    return f'<table class="{kind}">{lines}</table>' if lines else ""
+
+
+def _list(items: Iterable[str]) -> str:
+    return f"<ul>{''.join(f'<li>{_text(item)}</li>' for item in items)}</ul>"
+
+
+def _text(value: str, most: int = LONGEST) -> str:
+    """Texts from scenes are data, never markup, and not longer than a page bears."""
+    shown = printable(value)
+    return escape(shown if len(shown) <= most else f"{shown[: most - 1]}…")
+
+
+def _names(names: Sequence[str]) -> str:
+    most = LONGEST_NAME
+    short = [x if len(x) <= most else f"{x[: most - 1]}…" for x in names[:MOST_NAMES]]
+    more = len(names) - len(short)
+    return (", ".join(short) or "none") + (f" and {more} more" if more > 0 else "")
+
+
+def _range(values: FloatArray) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}"
+
+
+def _vector(values: Any, unit: str = "", between: str = ", ") -> str:
+    numbers = np.asarray(values, dtype=float)
+    small = np.abs(numbers) <= 1e-9 * np.abs(numbers).max(initial=0.0)
+    text = between.join(f"{x:.6g}" for x in np.where(small, 0.0, numbers).tolist())
+    return f"{text if between != ', ' else f'({text})'} {unit}".rstrip()
+
+
+def _units(solution: Solution) -> Units:
+    return solution.units or Units()
