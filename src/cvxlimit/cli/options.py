@@ -114,7 +114,7 @@ def output_option(metavar: str, help: str) -> Any:
 
 
 def result_option() -> Any:
-    return option("FILE", "Write the result to this JSON file; - is stdout.", group=OUTPUT)
+    return option("FILE", "JSON file of the result; - is stdout.", group=OUTPUT)
 
 
 def either(names: Iterable[str]) -> str:

@@ -75,7 +75,7 @@ def plot_option() -> Any:
 
 
 def report_option() -> Any:
-    return option("FILE.html", "Page to print on two sheets, and to sign.", group=OUTPUT)
+    return option("FILE.html", "Page to print and to sign.", group=OUTPUT)
 
 
 def scene_named(name: str) -> Scene:
@@ -189,9 +189,8 @@ class Order:
     scene: str = argument("Built-in name, or scene file; for a file of the same name write ./NAME.")
     surface: str = option(
         "NAME",
-        "Yield surface: conic, the exact cone (default); parabolic, nearer the exact limit of "
-        "torsion with shear; octagon (the paper's), 16-gon ..., on the unsafe side; "
-        "octagon-inscribed ..., on the safe side.",
+        "Yield surface: conic, the exact cone (default); parabolic, nearer exact torsion; octagon "
+        "(the paper's), 16-gon ..., on the unsafe side; octagon-inscribed ..., on the safe side.",
         "conic",
     )
     method: str | None = option(
@@ -222,15 +221,14 @@ class Order:
     report: Path | None = report_option()
     tolerance: float | None = option(
         "WIDTH",
-        "Asked relative width of the bracket, or change at which the fixed point stops. Unless "
-        "given: 1e-5; fixed point 1e-4; exact 1e-3; certified 1 % as far as its time allows "
-        "(5 % counts).",
+        "Relative width of the bracket, or change at which iterations stop. Unless given: 1e-5; "
+        "fixed point 1e-4; exact 1e-3; certified 1 % as time allows (5 % counts).",
         group=EFFORT,
     )
     branching_seconds: float | None = option(
         "S",
-        "Seconds of branch and bound, which narrows the bracket of the certified method; unless "
-        "given, 60 with a tolerance or up to 6 contacts, else about 10.",
+        "Seconds of branch and bound, of the certified method; unless given, 60 with a tolerance "
+        "or up to 6 contacts, else about 10.",
         group=EFFORT,
     )
     workers: int = option("N", "Processes of branch and bound.", 1, group=EFFORT)
