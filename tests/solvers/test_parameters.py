@@ -11,7 +11,7 @@ import cvxpy.settings as keys
 import numpy as np
 import pytest
 
-from cvxlimit.solvers import Blockwise
+from cvxlimit.solvers import Blockwise, run, settings_for
 
 BACKENDS = (None, "CPP", "SCIPY", "COO")
 
@@ -138,3 +138,32 @@ class TestResolving:
         assert other.status == "infeasible"
         above.value = 0.5
         assert other.solve(solver=Blockwise()) == pytest.approx(1.0, abs=1e-8)
+
+
+CASES = {  # solvers in turn, and the largest x by the Parameter, with the multiplier of its limit
+    "linear": (("HIGHS", "SCIPY", "CLARABEL", "BLOCKWISE", "HIGHS"), lambda mu: (2.0 * mu, 1.0)),
+    "cone": (("CLARABEL", "SCS", "BLOCKWISE", "RESCALED"), lambda mu: (mu, 1.0)),
+    "square": (("CLARABEL", "OSQP", "SCS"), lambda mu: (mu, 0.0)),
+    "exponential": (("CLARABEL", "SCS", "CLARABEL"), lambda mu: (np.log(mu), 1.0 / mu)),
+}
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_solvers_in_turn_answer_for_the_present_values(kind: str) -> None:
+    """Whatever the one before was given; 1e-4 for first-order methods."""
+    names, expected = CASES[kind]
+    (x, y, both), mu = (cp.Variable() for _ in range(3)), cp.Parameter(nonneg=True)
+    limit = {
+        "linear": both <= mu,
+        "cone": cp.norm(cp.hstack([x, y])) <= mu,
+        "square": both <= 9.0,
+        "exponential": cp.exp(x) <= mu,
+    }[kind]
+    goal = 2.0 * mu * x - cp.square(x) if kind == "square" else x
+    problem = cp.Problem(cp.Maximize(goal), [limit, both == x + y, y >= -mu, y <= mu])
+    for i, name in enumerate(names):
+        mu.value = 1.5 + 0.25 * i
+        outcome = run(problem, settings_for(name, 1e-7))
+        assert outcome.status == "optimal", (name, outcome)
+        found = float(x.value), float(np.ravel(limit.dual_value)[0])
+        np.testing.assert_allclose(found, expected(mu.value), atol=1e-4, err_msg=name)

@@ -52,7 +52,7 @@ class LadderNumbers:
 NUMBERS = LadderNumbers()
 
 BLOCKWISE_FROM = {
-    "conic": (100, 4_000, 12_000),
+    "conic": (100, 8_000, 12_000),
     "facets": (500, 1_300, 2_800),
     "lean": (1_000, 2_500, 2_500),
 }

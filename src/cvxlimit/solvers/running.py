@@ -10,10 +10,14 @@ from typing import Any
 
 import cvxpy as cp
 from cvxpy.reductions.solution import Solution
-from cvxpy.settings import ERROR, INF_OR_UNB, SOLUTION_PRESENT
+from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
+from cvxpy.reductions.solvers.solver_inverse_data import SolverInverseData
+from cvxpy.reductions.solvers.solving_chain import SolvingChain
+from cvxpy.settings import ERROR, INF_OR_UNB, PARAM_PROB, SOLUTION_PRESENT
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.solvers.table import SolverSettings, able
+from cvxlimit.solvers.own import Blockwise
+from cvxlimit.solvers.table import SolverSettings, able, installed
 
 
 @dataclass(frozen=True)
@@ -65,10 +69,7 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
     row, options = settings.row, dict(settings.options)
 
     def compiled() -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
-        solver = row.name if row.plug_in is None else row.plug_in()
-        data, chain, inverse = problem.get_problem_data(
-            solver, ignore_dpp=ignore_dpp, solver_opts=options
-        )
+        data, chain, inverse = _compiled(problem, settings, ignore_dpp)
         # Only some solvers start from what CVXPY kept of the run before: its interface to QOCO 0.3
         # then returned the solution for the Parameters of that run.
         solve = partial(
@@ -78,6 +79,30 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
 
     has_cones = cp.SOC in map(type, problem.constraints)
     return attempted(settings, has_cones, compiled)[0]
+
+
+def _compiled(
+    problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool
+) -> tuple[dict[str, Any], SolvingChain, list[Any]]:
+    """What a solver gets, from one compilation for all of a ladder: CVXPY keeps that for one solver
+    only, but just the last step of it is the solver's own, unless objectives are quadratic or cones
+    of another kind than ours."""
+    row, options = settings.row, dict(settings.options)
+    solver = row.plug_in() if row.plug_in is not None else None
+    own = solver or row.name
+    if solver is None and row.name in installed():
+        solver = SOLVER_MAP_CONIC.get(row.name)
+    is_plain = not problem.objective.expr.has_quadratic_term()
+    if solver is not None and is_plain and not getattr(solver, "DIR_CONE_KINDS", ()):
+        try:
+            data, chain, inverse = problem.get_problem_data(Blockwise(), ignore_dpp=ignore_dpp)
+        except cp.error.SolverError:  # which says that it does not take these cones
+            is_plain = False
+        if is_plain and not (data[solver.DIMS].soc and not row.has_cones):
+            data, last = solver.apply(data[PARAM_PROB])
+            chain = SolvingChain(reductions=[*chain.reductions[:-1], solver])
+            return data, chain, [*inverse[:-1], SolverInverseData(last, solver, options)]
+    return problem.get_problem_data(own, ignore_dpp=ignore_dpp, solver_opts=options)
 
 
 def _unpacked(problem: cp.Problem, chain: Any, inverse: Any, raw: Any) -> Solution:

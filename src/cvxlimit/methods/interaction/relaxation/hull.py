@@ -9,7 +9,7 @@ The formulas are those of :mod:`~cvxlimit.readings.states.disjuncts`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,7 @@ class HullProblem:
         if half is not None:
             self.number = np.searchsorted(half.kept, self.number)
         self._loads: dict[float | None, LoadBlock] = {}
+        self._last: tuple[tuple[object, ...], Columns, ConeProgram] | None = None
 
     def solve(
         self,
@@ -77,9 +78,12 @@ class HullProblem:
         """One run of one solver; never raises for what the solver does. Any share of the dead load
         may be taken off at ``relief_price``. Our own solver begins at the ``start``, and ends where
         the load factor is below ``enough`` for certain."""
-        joined = self.joined(disjuncts, relief_price)
-        enough = -enough / self.scaling.load_factor(1.0)
-        program = self.program(joined, relief_price, enough)
+        asked = relief_price, *([disjuncts] if isinstance(disjuncts, Disjuncts) else disjuncts)
+        if self._last is None or self._last[0] != asked:  # else another solver on the same problem
+            joined = self.joined(disjuncts, relief_price)
+            self._last = asked, joined, self.program(joined, relief_price)
+        _, joined, program = self._last
+        program = replace(program, enough=-enough / self.scaling.load_factor(1.0))
         cache = {"start": None if start is None else joined.start(start)}
         outcome, x, y = program.solve(settings or default_ladder()[0], cache, is_warm=False)
         if x is None or y is None:
@@ -137,10 +141,8 @@ class HullProblem:
         pieces = self.pieces(disjuncts) if isinstance(disjuncts, Disjuncts) else disjuncts
         return Columns([self.load(relief_price).piece, *pieces], len(self.dead))
 
-    def program(
-        self, joined: Columns, relief_price: float | None = None, enough: float = np.inf
-    ) -> ConeProgram:
-        return self.load(relief_price).program(joined, enough)
+    def program(self, joined: Columns, relief_price: float | None = None) -> ConeProgram:
+        return self.load(relief_price).program(joined)
 
     def load(self, relief_price: float | None) -> LoadBlock:
         """The columns of the load factor, and of a relief, and their rows."""
@@ -184,7 +186,7 @@ class LoadBlock:
         program = stated.written(goal).program
         return cls(piece, program.cost, program.right)
 
-    def program(self, joined: Columns, enough: float = np.inf) -> ConeProgram:
+    def program(self, joined: Columns) -> ConeProgram:
         """Of all pieces, of which this is the first."""
         cost, right = np.zeros(joined.columns), np.zeros(joined.lines + 3 * joined.cones)
         cost[: len(self.cost)] = self.cost
@@ -192,7 +194,7 @@ class LoadBlock:
         right[: len(self.right) - equations] = self.right[equations:]
         right = np.concatenate([self.right[:equations], right])
         sizes = equations, joined.lines, (3,) * joined.cones
-        return ConeProgram(cost, joined.matrix(), right, *sizes, enough=enough)
+        return ConeProgram(cost, joined.matrix(), right, *sizes)
 
 
 class DisjunctForces:
