@@ -27,6 +27,7 @@ from cvxlimit.base.versions import __version__
 from cvxlimit.cli.comparing import compare_command
 from cvxlimit.cli.domains import domain_command
 from cvxlimit.cli.exporting import export_command
+from cvxlimit.cli.following import pushover_command
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.options import Job
 from cvxlimit.cli.proving import prove_command
@@ -86,6 +87,11 @@ for _name, _command, _epilog in (
         "sweep", sweep_command,
         "Exit code: 0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not "
         "solved and kept as rows.",
+    ),
+    (
+        "pushover", pushover_command,
+        "Exit code: 0 the path ends; 2 bad input; 3 no answer exists; 4 it was broken off, or a "
+        "bracket is wider than 1e-5.",
     ),
     ("compare", compare_command, None),
     ("export-problem", export_command, None),
