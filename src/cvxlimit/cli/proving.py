@@ -21,7 +21,8 @@ class Claimed:
     """What ``cvxlimit prove`` is asked."""
 
     file: str = argument(
-        "Result file (solve --json), load domain (domain --json), or folder of a sweep "
+        "Result file (solve --json), load domain (domain --json), path (pushover --json), or folder "
+        "of a sweep "
         "(sweep --output).",
         "FILE|FOLDER",
     )
@@ -34,7 +35,7 @@ class Claimed:
 
 @taking(Claimed)
 def prove_command(asked: Claimed) -> ExitCode:
-    """Prove a result, a load domain or a sweep again from the forces and mechanisms that it holds;
+    """Prove a result, a load domain, a path or a sweep again from the forces and mechanisms that it holds;
     numbers that were changed are not proved."""
     scene = None if asked.scene is None else scene_named(asked.scene)
     proof = prove(asked.file, scene)

@@ -1,4 +1,4 @@
-"""One verb for results, load domains and sweeps: is what they say proved by what they hold?"""
+"""One verb for results, load domains, paths and sweeps: is what they say proved by what they hold?"""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from typing import Any
 
 from cvxlimit.errors import CvxlimitError, InputError
 from cvxlimit.io.fields import file_prefix, read_document, refusals, shown
+from cvxlimit.io.paths import PATH
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.proving import Check, solution_checks
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.paths.path import Path as Displacements
+from cvxlimit.paths.proving import path_checks
 from cvxlimit.readings.moments import Moments
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
@@ -75,25 +78,26 @@ class Proof:
 
 
 def prove(
-    what: Solution | LoadDomain | str | os.PathLike[str],
+    what: Solution | LoadDomain | Displacements | str | os.PathLike[str],
     scene: Scenes | None = None,
     *,
     surface: Any = None,
     moments: str | Moments | None = None,
     formulation: Formulation = corner_compressions,
 ) -> Proof:
-    """Prove a result, a load domain or a sweep again, from the forces and mechanisms that it holds.
+    """Prove a result, a load domain, a path or a sweep again, from the forces and mechanisms that
+    it holds.
 
     Nothing that it says is believed: load factors, bounds, points and half-spaces are computed
     anew, and one that comes out otherwise, by more than 1e-7 of it, is not proved. No load factor
-    is sought by a solver.
+    is sought by a solver, but for the brackets of a path, whose displacements are what is believed.
 
     Parameters
     ----------
-    what : Solution, LoadDomain or path
-        Or a result file, a domain file, the folder of a sweep.
+    what : Solution, LoadDomain, Path or path of a file
+        Or a result file, a domain file, a path file, the folder of a sweep.
     scene : Scene, callable or None
-        Files hold a digest of their scene, and not the scene itself. Needed unless ``what`` has it,
+        Files hold a digest of their scene, and not the scene itself, but for those of paths. Needed unless ``what`` has it,
         it is a built-in scene, or a sweep that varies one scene; for a sweep over a function, that
         function.
     surface, moments, formulation
@@ -123,6 +127,8 @@ def prove(
         return _result(what, scene, own)
     if isinstance(what, LoadDomain):
         return _domain(what, scene, own)
+    if isinstance(what, Displacements):
+        return _path(what, scene)
     if os.path.isdir(what):
         return Proof(f"sweep in {os.fspath(what)}", tuple(_rows(Path(what), scene, own)))
     with refusals(file_prefix(what)):
@@ -132,10 +138,19 @@ def prove(
             return _domain(DOMAIN.from_dict(document), scene, own)
         if kind == "cvxlimit-result":
             return _result(result_from_dict(document), scene, own)
+        if kind == "cvxlimit-path":
+            return _path(PATH.from_dict(document), scene)
         raise InputError(
-            f"a result, a load domain or the folder of a sweep can be proved, got format "
-            f"{shown(kind)}: solve --json, domain --json and sweep --output write them"
+            "a result, a load domain, a path or the folder of a sweep can be proved, got format "
+            f"{shown(kind)}: solve --json, domain --json, pushover --json and sweep --output write "
+            "them"
         )
+
+
+def _path(path: Displacements, scene: Scenes | None) -> Proof:
+    if scene is not None:
+        _scene_of(path.scene.name, scene_digest(path.scene), scene, _ALL)
+    return Proof(f"path of scene {path.scene.name!r}", tuple(path_checks(path)))
 
 
 def _result(solution: Solution, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
