@@ -43,5 +43,10 @@ class ModelError(CvxlimitError, ValueError):
     """The choice of surfaces, facets, formulation or method is not valid."""
 
 
+class NoAnswerError(ModelError):
+    """What is asked for does not exist: the dead load cannot stand, or the live load does no
+    harm."""
+
+
 class SolverError(CvxlimitError, RuntimeError):
     """No installed solver could be run on the problem."""

@@ -5,6 +5,7 @@ configuration."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,9 @@ from cvxlimit.cli.options import EFFORT, OUTPUT, argument, option, taking, vecto
 from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import one_line
+from cvxlimit.io import scene_from_dict
+from cvxlimit.io.fields import file_prefix, one_line, read_document, refusals
+from cvxlimit.io.paths import PATH
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.convex_search import TOLERANCE
 from cvxlimit.paths.code_check import code_check
@@ -27,6 +30,7 @@ from cvxlimit.paths.following import pushover
 from cvxlimit.paths.path import PROVES
 from cvxlimit.paths.path import Path as Displacements
 from cvxlimit.plotting.look import IMAGES
+from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Bracket, rounded, rounded_down, rounded_up
 
 _KINDS = dict.fromkeys(IMAGES, "curve") | {".gif": "film", ".mp4": "film", ".html": "page"}
@@ -37,7 +41,9 @@ _KINDS = dict.fromkeys(IMAGES, "curve") | {".gif": "film", ".mp4": "film", ".htm
 class Followed:
     """What ``cvxlimit pushover`` is asked."""
 
-    scene: str = argument()
+    scene: str = argument(
+        "Scene file, or name of a built-in scene; or a path (pushover --json), which goes on."
+    )
     step: float | None = option(
         "L", "Step of the live load's mean displacement; chosen by the package unless given.",
         group=EFFORT,
@@ -72,8 +78,8 @@ def pushover_command(asked: Followed) -> ExitCode:
     control = _control(asked.control)
 
     def followed(tell: Tell) -> Displacements:
-        scene = scene_named(asked.scene)
-        return pushover(scene, asked.step, asked.until, flow, control, progress=with_result(tell))
+        begin = _begin(asked.scene)
+        return pushover(begin, asked.step, asked.until, flow, control, progress=with_result(tell))
 
     path = interruptible(followed)
     if asked.json is not None:
@@ -87,6 +93,15 @@ def pushover_command(asked: Followed) -> ExitCode:
     if asked.code_check is not None:
         show(Text(), Text(str(code_check(path, asked.code_check))))
     return _verdict(path)
+
+
+def _begin(name: str) -> Scene | Displacements:
+    if name in BUILTIN or not os.path.isfile(name):
+        return scene_named(name)
+    with refusals(file_prefix(name)):
+        document = read_document(name)
+        is_path = isinstance(document, dict) and document.get("format") == "cvxlimit-path"
+        return PATH.from_dict(document) if is_path else scene_from_dict(document)
 
 
 def _control(text: str | None) -> tuple[str, tuple[float, ...]] | None:

@@ -34,7 +34,7 @@ from cvxlimit.cli.proving import prove_command
 from cvxlimit.cli.report import ExitCode, listing, refuse, show
 from cvxlimit.cli.solving import explain_command, settle_command, show_command, solve_command
 from cvxlimit.cli.sweeping import sweep_command
-from cvxlimit.errors import CvxlimitError, InputError, ModelError
+from cvxlimit.errors import CvxlimitError, InputError, ModelError, NoAnswerError
 from cvxlimit.io import json_schema
 from cvxlimit.masonry import BUILTIN
 
@@ -124,6 +124,8 @@ def run(arguments: Sequence[str]) -> int:
     _survive_any_encoding()
     try:
         return _dispatch(list(arguments) or ["--help"])
+    except NoAnswerError as error:
+        return refuse(ExitCode.NO_ANSWER, str(error))
     except (InputError, ModelError) as error:
         return refuse(ExitCode.BAD_INPUT, str(error))
     except CvxlimitError as error:

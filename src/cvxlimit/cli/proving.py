@@ -21,9 +21,8 @@ class Claimed:
     """What ``cvxlimit prove`` is asked."""
 
     file: str = argument(
-        "Result file (solve --json), load domain (domain --json), path (pushover --json), or folder "
-        "of a sweep "
-        "(sweep --output).",
+        "Result file (solve --json), load domain (domain --json), path (pushover --json), or "
+        "folder of a sweep (sweep --output).",
         "FILE|FOLDER",
     )
     scene: str | None = option(
@@ -35,8 +34,8 @@ class Claimed:
 
 @taking(Claimed)
 def prove_command(asked: Claimed) -> ExitCode:
-    """Prove a result, a load domain, a path or a sweep again from the forces and mechanisms that it holds;
-    numbers that were changed are not proved."""
+    """Prove a result, a load domain, a path or a sweep again from the forces and mechanisms that it
+    holds; numbers that were changed are not proved."""
     scene = None if asked.scene is None else scene_named(asked.scene)
     proof = prove(asked.file, scene)
     show(Text(one_line(proof.about)), *(Text(f"  {one_line(str(c))}") for c in proof.checks))

@@ -171,6 +171,17 @@ def write_path(displacements: Displacements, path: Path) -> None:
     ------
     InputError
         If a number is not finite, or the file cannot be written.
+
+    Example
+    -------
+    >>> import tempfile, pathlib
+    >>> from cvxlimit import builtin_scene, prove, pushover
+    >>> path = pushover(builtin_scene("single-block"), step=0.1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "path.json")
+    ...     path.save(file)
+    ...     read_path(file).d0 == path.d0, prove(file).is_proved
+    (True, True)
     """
     of_type(displacements, Displacements, "path must be a Path", "pushover(scene) makes one")
     PATH.write(displacements, path)

@@ -17,7 +17,8 @@ from cvxlimit.base.attached import attached
 from cvxlimit.base.checks import first_twice, of_type, positive
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
-from cvxlimit.paths.path import Path
+from cvxlimit.paths.following import configuration_at
+from cvxlimit.paths.path import Configuration, Path
 from cvxlimit.scene import METRES, Scene, Units
 from cvxlimit.solution.kinematics import VISIBLE, corner_speeds
 
@@ -40,12 +41,16 @@ class Limit:
         In s, at which the displacement spectrum is read.
     basis : str
         What decides about the displacement.
+    configuration : Configuration
+        The structure there, with its bracket: on the path or found between two steps of it, after
+        a snap where that is between them.
     """
 
     displacement: float
     acceleration: float
     period: float
     basis: str
+    configuration: Configuration
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +78,13 @@ class CodeCheck:
         Spectral displacement at which the acceleration is zero, and why it is.
     slv, slc : Limit
         Both limit states; also ``d_SLV``, ``T_SLV``, ``d_SLC``, ``T_SLC``.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene, code_check, pushover
+    >>> check = code_check(pushover(builtin_scene("single-block")), confidence_factor=1.0)
+    >>> round(check.e_star, 6), round(check.d0, 4), round(check.T_SLV, 4)
+    (1.0, 0.2, 0.9969)
     """
 
     scene: str
@@ -230,8 +242,9 @@ def code_check(
 
     def limit(share: float, period: float) -> Limit:
         at, basis = min([(share * d0, f"{share:g} d0"), *failures])
-        a, d = times * _load_factor_at(path, at), spectral * at
-        return Limit(float(d), float(a), float(period * np.pi * np.sqrt(d / a)), basis)
+        found = configuration_at(path, at)
+        a, d = times * found.load_factor, spectral * at
+        return Limit(float(d), float(a), float(period * np.pi * np.sqrt(d / a)), basis, found)
 
     return CodeCheck(
         scene.name, scene.units, factor, gravity, positive(q, "q"), float(total), float(e_star),
@@ -317,12 +330,3 @@ def _end(path: Path) -> tuple[float, str]:
         f"the code check needs a path to a load factor of zero, and this one ends at "
         f"{path.load_factor[-1]:.4g} ({path.status}: {path.reason}): follow it until 0"
     )
-
-
-def _load_factor_at(path: Path, at: float) -> float:
-    """Of the path at a displacement; at a snap what is left of it."""
-    d, alpha = path.displacement, path.load_factor
-    k = int(np.flatnonzero(d >= at)[0])
-    if k == 0 or any(k == start for start, _ in path.pieces):
-        return float(alpha[k])
-    return float(np.interp(at, d[k - 1 : k + 1], alpha[k - 1 : k + 1]))

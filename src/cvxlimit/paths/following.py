@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector, is_number, positive
-from cvxlimit.errors import ModelError
+from cvxlimit.errors import ModelError, NoAnswerError, SolverError
 from cvxlimit.methods.solving import solve
 from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.pairs import Pose
@@ -138,9 +138,6 @@ class _Walk:
     def _shown(
         self, pose: Pose, points: Points, answer: Found, w: float, residual: float, iterates: int
     ) -> _At:
-        n, slip = answer.forces[:, 0], np.linalg.norm(points.slip, axis=1)
-        bears = n > CLOSED * n.max(initial=0.0)
-        opened = points.gap[bears & (points.distance <= CLOSED * self.size)]
         free = self.scene.free
         turn = Rotation.from_matrix(pose.turn[free]).as_rotvec()
         each = np.concatenate([pose.shift[free], turn], axis=1)
@@ -149,8 +146,23 @@ class _Walk:
             {self.scene.blocks[i].id: d for i, d in zip(free.tolist(), each, strict=True)},
             points, answer.forces, None, 0.0, residual, iterates,
         )  # fmt: skip
-        slides = bool((slip[bears] > CLOSED * self.size).any())
-        return _At(pose, shown, float(opened.max(initial=0.0)), slides)
+        return _At(pose, shown, *self._slid(shown))
+
+    def _slid(self, shown: Configuration) -> tuple[float, bool]:
+        """The widest gap that slips have opened at points that bear, and whether any slid."""
+        points, n = shown.points, shown.forces[:, 0]
+        bears = n > CLOSED * n.max(initial=0.0)
+        opened = points.gap[bears & (points.distance <= CLOSED * self.size)]
+        slip = np.linalg.norm(points.slip[bears], axis=1)
+        return float(opened.max(initial=0.0)), bool((slip > CLOSED * self.size).any())
+
+    def resume(self, path: Path) -> None:
+        """Take over what a path has found, to go on from its end."""
+        free, self.snaps = self.scene.free, [*path.snaps]
+        for shown in path:
+            ways = np.array([shown.displacements[self.scene.blocks[i].id] for i in free])
+            pose = self.begin.pose.moved(free, ways)
+            self.found.append(_At(pose, shown, *self._slid(shown)))
 
     def proved(self, found: _At) -> _At:
         shown = found.shown
@@ -171,10 +183,11 @@ class _Walk:
 
     def walk(self, step: float | None, until: float) -> tuple[Ending, str]:
         """Go on until the path ends; how, and in words."""
-        first = self.first()
-        if isinstance(first, _Failed):
-            return "not-converged", "the first configuration has no solution"
-        self.keep(first)
+        if not self.found:
+            first = self.first()
+            if isinstance(first, _Failed):
+                return "not-converged", "the first configuration has no solution"
+            self.keep(first)
         h = self.step = step or self.size / 40.0
         pace = np.inf
         while len(self.found) <= _MOST:
@@ -197,13 +210,13 @@ class _Walk:
                         return "zero", f"the load factor drops below {until:g} in a snap"
                     continue
             pace = self.distance(here, there) / h
-            if there.shown.load_factor <= until:
+            if there.shown.load_factor - until <= self._enough:
                 self.keep(self._end(here, there, until))
                 return "zero", f"the load factor has come down to {until:g}"
             self.keep(there)
             h = min(self.step, 2.0 * h)
             if len(self.found) == 2 and step is None:
-                fall = first.shown.load_factor - there.shown.load_factor
+                fall = here.shown.load_factor - there.shown.load_factor
                 left = (there.shown.load_factor - until) * there.shown.w
                 h = self.step = max(left / max(_STEPS * fall, left / self.size), there.shown.w)
         return "steps", f"{_MOST} configurations did not bring the load factor down to {until:g}"
@@ -232,9 +245,13 @@ class _Walk:
             low, high = (low, middle) if before > after else (middle, high)
         return low, high
 
+    @property
+    def _enough(self) -> float:
+        """How near to the load factor asked for a path ends."""
+        return 0.1 * ZERO * abs(self.found[0].shown.load_factor)
+
     def _end(self, here: _At, there: _At, until: float) -> _At:
         """The configuration between two at which the load factor is ``until``."""
-        enough = 0.1 * ZERO * abs(self.found[0].shown.load_factor)
         found = {x.shown.w: x for x in (here, there)}
 
         def left(w: float) -> float:
@@ -244,7 +261,7 @@ class _Walk:
                     raise ArithmeticError
                 found[w] = at
             rest = found[w].shown.load_factor - until
-            return rest if abs(rest) > enough else 0.0
+            return rest if abs(rest) > self._enough else 0.0
 
         with suppress(ArithmeticError):
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
@@ -277,7 +294,7 @@ class _Walk:
 
 
 def pushover(
-    scene: Scene,
+    scene: Scene | Path,
     step: float | None = None,
     until: float = 0.0,
     flow: Literal["associated"] = "associated",
@@ -296,7 +313,9 @@ def pushover(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or Path
+        A path goes on from its last configuration, with its own step and control unless others are
+        given.
     step : float or None
         Of w, the mean displacement of the live load, in the scene's unit of length; None: an eighth
         of what the first slope takes to ``until``. Where an iterate fails, it is halved.
@@ -322,9 +341,11 @@ def pushover(
 
     Raises
     ------
+    NoAnswerError
+        For a scene that does not stand, and a live load that does no harm.
     ModelError
-        For a scene that does not stand, a live load that does no harm, cohesion, tensile or
-        compressive strength, ties, pressures and moments, and for unknown choices.
+        For cohesion, tensile or compressive strength, ties, pressures and moments, and for unknown
+        choices.
 
     Example
     -------
@@ -335,6 +356,9 @@ def pushover(
     >>> path.status, round(path.load_factor[0], 6), round(path.d0, 6)
     ('zero', 0.4, 0.2)
     """
+    before = scene if isinstance(scene, Path) else None
+    if isinstance(scene, Path):
+        scene = scene.scene
     check_scene(scene)
     for name, value, known in (
         ("flow", flow, ("associated",)), ("certify", certify, ("all", "last", "none"))
@@ -348,10 +372,16 @@ def pushover(
     if not is_number(until):
         raise ModelError(f"until must be a load factor, got {until!r}")
     about = None if control is None else _control(scene, control)
-    initial = solve(scene)
+    if before is not None:
+        step, about = step or before.step, about or before.control
+    initial = solve(scene) if before is None else before.initial
     _refuse_answer(initial)
     size = scene.contacts.typical_size
     walk = _Walk(scene, certify, reach or REACH * size, progress or (lambda line: None))
+    if before is not None:
+        walk.resume(before)
+        if before[-1].load_factor - until <= walk._enough:
+            return replace(before, control=about)
     ending: tuple[Ending, str]
     try:
         ending = walk.walk(step, float(until))
@@ -367,6 +397,34 @@ def pushover(
         initial, tuple(x.shown for x in walk.found), *ending, flow, walk.step, tuple(walk.snaps),
         walk.work(), slides, about, notes,
     )  # fmt: skip
+
+
+def configuration_at(path: Path, displacement: float) -> Configuration:
+    """The configuration of a path where ``path.displacement`` first is so much, found anew between
+    two that are known; after a snap that is between them, the first that is known there."""
+    after = int(np.flatnonzero(path.displacement >= displacement)[0])
+    there = path[after]
+    same = path.displacement[after] - displacement <= _STILL * path.scene.contacts.typical_size
+    if same or any(after == start for start, _ in path.pieces):
+        return there
+    size = path.scene.contacts.typical_size
+    walk = _Walk(path.scene, "all", REACH * size, lambda line: None)
+    walk.resume(path)
+    here, found = walk.found[after - 1], dict[float, _At]()
+
+    def beyond(w: float) -> float:
+        settled = walk.settle(here, w)
+        if isinstance(settled, _Failed):
+            raise SolverError(f"no equilibrium at w = {w:.6g}, between two of the path's: {path!r}")
+        found[w] = settled
+        return float(replace(path, configurations=(settled.shown,)).displacement[0] - displacement)
+
+    w = displacement
+    if path.control is not None:
+        w = float(brentq(beyond, here.shown.w, there.w, xtol=_STILL * size))
+    if w not in found:
+        beyond(w)
+    return walk.proved(found[w]).shown
 
 
 def _control(scene: Scene, control: Any) -> tuple[str, tuple[float, float, float]]:
@@ -418,4 +476,4 @@ def _refuse_answer(initial: Solution) -> None:
     elif initial.load_factor is None:
         why = f"its load factor was not found ({initial.status})"
     if why:
-        raise ModelError(f"no path begins at scene {initial.drawn_scene.name!r}: {why}")
+        raise NoAnswerError(f"no path begins at scene {initial.drawn_scene.name!r}: {why}")

@@ -9,7 +9,7 @@ import numpy as np
 from cvxlimit.base.arrays import BoolArray
 from cvxlimit.methods.proving import RESIDUAL, SLACK, Check, solution_checks
 from cvxlimit.model.statics import DOF
-from cvxlimit.paths.following import REACH, Walk
+from cvxlimit.paths.following import REACH, _Walk
 from cvxlimit.paths.increment import Increment
 from cvxlimit.paths.path import Path, Points
 from cvxlimit.paths.points import CLOSED, Start
@@ -20,12 +20,14 @@ def path_checks(path: Path) -> Iterator[Check]:
     """Every claim of a path, checked: what is met once for all configurations, what is not one by
     one. How the path ends, and that it gets from one configuration to the next, nobody proves."""
     for check in solution_checks(path.initial, path.scene):
-        yield Check(f"at rest, friction over whole joints: {check.claim}", check.is_met, check.found)
+        yield Check(
+            f"at rest, friction over whole joints: {check.claim}", check.is_met, check.found
+        )
     size = path.scene.contacts.typical_size
-    walk, missing = Walk(path.scene, "none", REACH * size, lambda line: None), set[int]()
-    for i, each in enumerate(path):
-        walk.found.append(walk.at(each))
-        for claim, found in _wrong(walk):
+    walk, missing = _Walk(path.scene, "none", REACH * size, lambda line: None), set[int]()
+    walk.resume(path)
+    for i in range(len(path)):
+        for claim, found in _wrong(walk, i):
             missing.add(i)
             yield Check(f"{claim} of configuration {i}", False, found)
     proved = sum(each.bracket is not None for i, each in enumerate(path) if i not in missing)
@@ -37,9 +39,9 @@ def path_checks(path: Path) -> Iterator[Check]:
         yield Check("area and potential", off <= SLACK, "" if off <= SLACK else f"they are {again}")
 
 
-def _wrong(walk: Walk) -> Iterator[tuple[str, str]]:
-    """Claims of the last configuration that do not hold, and why."""
-    here, size, scene = walk.found[-1], walk.size, walk.scene
+def _wrong(walk: _Walk, i: int) -> Iterator[tuple[str, str]]:
+    """Claims of a configuration that do not hold, and why."""
+    here, size, scene = walk.found[i], walk.size, walk.scene
     shown, pose = here.shown, here.pose
     w = walk.loads.work(pose)[1] / walk.loads.size
     if not abs(w - shown.w) <= SLACK * size:
@@ -47,8 +49,8 @@ def _wrong(walk: Walk) -> Iterator[tuple[str, str]]:
     begin = Start.at(walk.facets, pose, here.loose)
     if (deep := -begin.points(pose).gap.min(initial=0.0)) > CLOSED * size:
         yield "displacements", f"blocks are {deep / size:.1e} of the contact size in each other"
-    if len(walk.found) > 1:
-        before = walk.found[-2]
+    if i > 0:
+        before = walk.found[i - 1]
         begin = Start.at(walk.facets, before.pose, before.loose)
     points = begin.points(pose)
 

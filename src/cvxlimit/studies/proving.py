@@ -1,4 +1,4 @@
-"""One verb for results, load domains, paths and sweeps: is what they say proved by what they hold?"""
+"""One verb for results, load domains, paths and sweeps: do they hold the proof of what they say?"""
 
 from __future__ import annotations
 
@@ -97,9 +97,9 @@ def prove(
     what : Solution, LoadDomain, Path or path of a file
         Or a result file, a domain file, a path file, the folder of a sweep.
     scene : Scene, callable or None
-        Files hold a digest of their scene, and not the scene itself, but for those of paths. Needed unless ``what`` has it,
-        it is a built-in scene, or a sweep that varies one scene; for a sweep over a function, that
-        function.
+        Files hold a digest of their scene, and not the scene itself, but for those of paths. Needed
+        unless ``what`` has it, it is a built-in scene, or a sweep that varies one scene; for a
+        sweep over a function, that function.
     surface, moments, formulation
         As for :func:`cvxlimit.solve`, where they are one's own; others are named in what is held.
 

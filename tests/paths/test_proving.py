@@ -1,0 +1,129 @@
+"""Paths proved again from what they hold, found anew in between, and continued."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path as File
+
+import numpy as np
+import pytest
+
+from cvxlimit import Configuration, Path, builtin_scene, code_check, prove, pushover
+from cvxlimit.errors import InputError, ModelError
+from cvxlimit.io import read_path
+from cvxlimit.paths.following import configuration_at
+from cvxlimit.paths.path import Work
+from turning import END, B, H, angle_at, turning, wall
+
+
+@pytest.fixture(scope="module")
+def path() -> Path:
+    return pushover(wall(2), step=0.08, until=0.1)
+
+
+def test_a_file_is_proved_from_what_it_holds(path: Path, tmp_path: File) -> None:
+    path.save(tmp_path / "path.json")
+    proof = prove(tmp_path / "path.json")
+    assert proof.is_proved
+    assert f"{len(path)} configurations in equilibrium, {len(path)} of them with br" in str(proof)
+    assert prove(path, wall(2)).is_proved
+    with pytest.raises(InputError, match="of another scene"):
+        prove(path, wall(3))
+
+
+Change = Callable[[Configuration], Configuration]
+
+
+def turned(c: Configuration) -> Configuration:
+    more = {block: way + np.array([0, 0, 0, 0, 1e-4, 0]) for block, way in c.displacements.items()}
+    return replace(c, displacements=more)
+
+
+def shifted(c: Configuration) -> Configuration:
+    """Forces that act 0.1 mm beside the corner: better for the wall, and no contact is there."""
+    return replace(c, points=replace(c.points, at=c.points.at + np.array([1e-4, 0, 0])))
+
+
+@pytest.mark.parametrize(
+    ("change", "claims"),
+    [
+        (lambda c: replace(c, load_factor=1.001 * c.load_factor), {"equilibrium"}),
+        (lambda c: replace(c, w=c.w + 1e-4), {"w"}),
+        (turned, {"w", "displacements", "points", "equilibrium", "lower", "upper"}),
+        (shifted, {"points", "equilibrium"}),
+        (lambda c: replace(c, forces=1.001 * c.forces), {"equilibrium"}),
+        (lambda c: replace(c, forces=c.forces * [1, 1, 0] + [0, 0, 9]), {"friction"}),
+        (lambda c: replace(c, points=replace(c.points, friction=c.points.friction + 1)), {"points"}),  # noqa: E501
+        (lambda c: replace(c, bracket=replace(c.bracket, lower=c.bracket.lower + 1e-3)), {"lower"}),
+        (lambda c: replace(c, bracket=replace(c.bracket, upper=c.bracket.upper - 1e-3)), {"upper"}),
+    ],
+)  # fmt: skip
+def test_what_was_changed_is_not_proved(path: Path, change: Change, claims: set[str]) -> None:
+    made = list(path)
+    made[1] = change(made[1])
+    proof = prove(replace(path, configurations=tuple(made), work=None))
+    missing = {check.claim.split()[0] for check in proof.missing}
+    assert missing & claims
+
+
+def test_other_claims_that_were_changed_are_not_proved(path: Path) -> None:
+    assert path.work is not None
+    other = Work(path.work.area + 1e-3, path.work.potential)
+    assert [c.claim for c in prove(replace(path, work=other)).missing] == ["area and potential"]
+    initial = replace(path.initial, load_factor=0.21)
+    assert not prove(replace(path, initial=initial)).is_proved
+
+
+def test_a_path_goes_on_as_if_it_had_never_ended(path: Path, tmp_path: File) -> None:
+    path.save(tmp_path / "path.json")
+    on, whole = pushover(read_path(tmp_path / "path.json")), pushover(wall(2), step=0.08)
+    assert on.status == "zero"
+    assert on.d0 == pytest.approx(B / 2, abs=1e-8)
+    assert on.d0 == pytest.approx(whole.d0, abs=1e-8)
+    assert on.load_factor[: len(path)].tolist() == path.load_factor.tolist()
+    assert prove(on).is_proved
+    assert pushover(on).w.tolist() == on.w.tolist()
+
+
+def test_a_configuration_between_two_of_the_path_has_the_closed_form_and_a_bracket(
+    path: Path,
+) -> None:
+    """Of any control point: that of the upper course is a quarter of the height above the
+    centre."""
+    found = configuration_at(path, 0.05)
+    angle = angle_at(0.05)
+    assert found.load_factor == pytest.approx(np.tan(END - angle), abs=1e-9)
+    assert found.bracket is not None
+    assert found.bracket.width < 1e-9
+    top = replace(path, control=("c1", (1.0, 0.0, 0.0)))
+    at = B / 2 * (1 - np.cos(angle)) + 0.75 * H * np.sin(angle)
+    assert configuration_at(top, at).w == pytest.approx(0.05, abs=1e-8)
+
+
+def test_the_code_check_does_not_depend_on_the_steps() -> None:
+    one = code_check(pushover(wall(1), step=0.09, certify="none"), 1.0)
+    assert pytest.approx(1.384597, abs=1e-6) == one.T_SLV
+    assert pytest.approx(1.932296, abs=1e-6) == one.T_SLC
+    assert one.slv.configuration.bracket is not None
+    assert one.slv.configuration.bracket.width < 1e-9
+
+
+def test_what_does_not_begin_or_go_on_is_refused(path: Path) -> None:
+    with pytest.raises(ModelError, match="control names 'c9'"):
+        pushover(path, control=("c9", (1, 0, 0)))
+
+
+def test_a_snap_is_not_interpolated_across() -> None:
+    path = pushover(builtin_scene("arch"), certify="none")
+    (snap,) = path.snaps
+    after = path.pieces[1][0]
+    between = 0.5 * (snap + path.w[after])
+    assert configuration_at(path, between) is path[after]
+    assert prove(path).is_proved
+
+
+def test_an_exact_path_that_no_solver_made_is_refused_where_it_holds_no_forces() -> None:
+    """Displacements alone prove nothing: equilibrium is that of forces at points."""
+    missing = prove(turning(wall(1), (0.0, 0.05))).missing
+    assert {check.claim.split(" of ")[0] for check in missing} == {"equilibrium"}
