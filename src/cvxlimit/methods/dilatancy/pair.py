@@ -98,6 +98,8 @@ class Pair:
     ----------
     solved : int
         How many problems were solved.
+    has_cones : bool
+        Whether friction, or anything else on the smallest model, is no linear limit.
     """
 
     def __init__(self, run: Run, is_symmetric: bool = False) -> None:
@@ -109,6 +111,8 @@ class Pair:
             self._price, self._pressed = (cp.Parameter(len(self._kept)) for _ in range(2))
             self._priced = reduced.problem(Priced(self._price))
             self._held = reduced.held(self._pressed)
+            self._price.value = np.zeros(len(self._kept))
+            self.has_cones = self._priced.shape.cones > 0
 
     def priced(self, price: FloatArray, tolerance: float) -> LimitState:
         """Forces of the largest load factor less prices (n,) of compressions."""

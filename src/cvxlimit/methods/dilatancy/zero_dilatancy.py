@@ -31,9 +31,14 @@ from cvxlimit.solvers import LimitState
 class _Numbers:
     """Only what is found, and how fast, depends on them: members are checked."""
 
-    first: int = 16  # iterates with the price problem's own mechanism before the first pair,
-    rough: float = 1e-4  # their tolerance: they need not be exact, as the next one corrects them
-    own: int = 12  # and where pairs stall
+    # iterates with the price problem's own mechanism before the first pair, and how new prices
+    # weigh in them: where friction is a cone, and where it is linear. Then there are finitely many
+    # mechanisms, among which pairs end in a few steps and iterates swing to and fro; a weight of
+    # 0.8 swings on for three times as long in a large wall
+    cones: tuple[int, float] = (12, 0.8)
+    linear: tuple[int, float] = (2, 0.5)
+    own: int = 12  # where pairs stall: as many as between cones at first
+    rough: float = 1e-4  # tolerance of iterates: they need not be exact, the next one corrects them
     stalls: float = 0.7  # share of the loss that a pair leaves where pairs do not pay any more:
     # in space the loss then falls by a tenth a pair, and twelve own iterates by a half or more
     exact: float = 0.01  # tolerance of pairs over the loss that they are to lower
@@ -77,8 +82,9 @@ class ZeroDilatancy(Method):
         Largest residual of a solution.
     starts : int
         The first is the associated solution, the others have random penalties.
-    damping : float
-        Weight of the new penalty against the old one, in iterates with their own mechanism.
+    damping : float or None
+        Weight of the new penalty against the old one, in iterates with their own mechanism; None
+        takes 0.8 where friction is a cone, and 0.5 where it is linear.
     max_iterations : int
         Problems per start.
     seed : int
@@ -103,7 +109,7 @@ class ZeroDilatancy(Method):
 
     tolerance: float = 1e-6
     starts: int = 4
-    damping: float = 0.8
+    damping: float | None = None
     max_iterations: int = 150
     seed: int = 0
     descents: int = 120
@@ -112,7 +118,7 @@ class ZeroDilatancy(Method):
     def __post_init__(self) -> None:
         ratio(self.tolerance, "tolerance")
         count(self.starts, 1, "starts")
-        if not 0.0 < self.damping <= 1.0:
+        if self.damping is not None and not 0.0 < self.damping <= 1.0:
             raise ModelError(f"damping must be above 0 and at most 1, got {self.damping!r}")
         count(self.max_iterations, 1, "max_iterations")
         count(self.descents, 0, "descents")
@@ -143,6 +149,8 @@ class _Search:
         self.failed = self.tried = 0
         self.products: LiftedBound | None = None
         self.pair = Pair(run)
+        self.first, damping = _N.cones if self.pair.has_cones else _N.linear
+        self.damping = rule.damping or damping
         with run.clock.phase("certify"):
             self.verifier = Verifier(run)
         self.random = np.random.default_rng(rule.seed)
@@ -217,7 +225,7 @@ class _Search:
         before = self.pair.solved
         state: LimitState | None = self._priced(price, _N.rough)
         if iterates and state is not None:
-            state = yield from self._iterated(state, price, _N.first, _N.rough)
+            state = yield from self._iterated(state, price, self.first, _N.rough)
         if state is None:
             return None
         return (yield from self._paired(label, state, before + self.rule.max_iterations))
@@ -226,7 +234,7 @@ class _Search:
         self, state: LimitState, price: FloatArray, number: int, tolerance: float
     ) -> Generator[None, None, LimitState | None]:
         """De Saxce's iterates: prices follow the price problem's own mechanism, damped."""
-        w = self.rule.damping
+        w = self.damping
         for _ in range(number):
             if state.mechanism is None:
                 return None
