@@ -63,7 +63,9 @@ def test_the_conda_recipe_needs_what_the_package_needs() -> None:
 
 def test_hosted_checks_are_those_of_ci_run_on_three_versions_of_python() -> None:
     workflow = text(".github/workflows/ci.yml")
-    assert re.findall(r"- run: (.*)", workflow) == ["bash .ci/run"]
+    assert re.findall(r"- run: (.*)", workflow) == [
+        "bash .ci/run ${{ github.event_name == 'schedule' && 'nightly' || 'push' }}"
+    ]
     (versions,) = re.findall(r"python: \[(.*)\]", workflow)
     assert len(versions.split(",")) == 3
     assert f'"{PROJECT["requires-python"].removeprefix(">=")}"' in versions
