@@ -16,7 +16,7 @@ from cvxlimit import Block, Certified, Load, Scene, Solution, Status, builtin_sc
 from cvxlimit.errors import InputError
 from cvxlimit.io import result_from_dict, result_to_dict
 from cvxlimit.masonry import panel
-from cvxlimit.methods.proving import SLACK
+from cvxlimit.methods.checks import SLACK
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from helpers import scenes

@@ -17,8 +17,9 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
+from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import dead_load_falls, fallen
-from cvxlimit.methods.driver import Answer, Method, Run, Steps
+from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.interaction.branching.search import BranchAndBound
 from cvxlimit.methods.interaction.branching.workers import processes
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound

@@ -11,7 +11,8 @@ import numpy as np
 from cvxpy.settings import OPTIMAL_INACCURATE
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.methods.driver import Answer, Run, Steps
+from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.driver import Run, Steps
 from cvxlimit.methods.standing import (
     Held,
     about_the_lower_end,
@@ -26,7 +27,8 @@ from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.admissible import carried_exactly
-from cvxlimit.proof.certificate import Certificate, Certifier
+from cvxlimit.proof.assumptions import Certificate
+from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene

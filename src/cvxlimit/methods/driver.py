@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,14 +20,15 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.progressbar import LOG
 from cvxlimit.errors import ModelError
+from cvxlimit.methods.answer import Answer
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
-from cvxlimit.proof.certificate import assumptions
+from cvxlimit.proof.assumptions import assumptions
 from cvxlimit.readings.moments import INDEPENDENT, Moments
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Solution, Status
+from cvxlimit.solution import Iterate, Solution, Status
 from cvxlimit.solution.bracket import Bracket, known, rounded
 from cvxlimit.solution.kinematics import Dilatancy, dilatancy_of
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, versions
@@ -81,77 +82,6 @@ class ProgressLine(str):
     """A line of progress; ``has_bracket`` is true once the run would return one if interrupted."""
 
     has_bracket = False
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """The best answer of a method so far.
-
-    Attributes
-    ----------
-    load_factor : float or None
-    bracket : Bracket
-        Bounds of the load factor asked for; infinite where the method has none.
-    forces : (contacts, 6) array or None
-        Those behind the load factor, and behind the lower bound if there is one.
-    mechanism : (free blocks, 6) array or None
-        That of the upper bound, if there is one.
-    members : tuple of Member
-        All solutions, where the answer is a set.
-    iteration : Iteration or None
-        How far an iteration without bounds has been.
-    internal : (p,) array or None
-        The internal forces behind the lower bound, where strength is stated in these.
-    lower_end : LowerEnd or None
-        The lower end, where the answer is an interval.
-    dilatancy : Dilatancy or None
-        Where more is known of it than follows from forces and mechanism.
-    sure : Answer or None
-        The best one whose lower bound is proved, where this one's is higher and is not.
-    """
-
-    load_factor: float | None = None
-    bracket: Bracket = field(default_factory=Bracket)
-    forces: FloatArray | None = None
-    mechanism: FloatArray | None = None
-    members: tuple[Member, ...] = ()
-    iteration: Iteration | None = None
-    internal: FloatArray | None = None
-    lower_end: LowerEnd | None = None
-    dilatancy: Dilatancy | None = None
-    sure: Answer | None = None
-
-    def raised(
-        self,
-        lower: float,
-        is_proved: bool,
-        load_factor: float | None,
-        forces: FloatArray | None,
-        internal: FloatArray | None = None,
-    ) -> Answer:
-        """With a better lower bound, and the forces that have it."""
-        bracket = self.bracket.raised(lower, is_proved)
-        if bracket is not self.bracket:
-            kept = self if self.bracket.lower_is_proved else self.sure
-            return replace(
-                self,
-                load_factor=load_factor,
-                bracket=bracket,
-                forces=forces,
-                internal=internal,
-                sure=None if is_proved else kept,
-            )
-        if is_proved and not self.bracket.lower_is_proved:
-            sure = (self.sure or Answer()).raised(lower, True, load_factor, forces, internal)
-            return self if sure is self.sure else replace(self, sure=sure)
-        return self
-
-    def lowered(self, upper: float, is_proved: bool, mechanism: FloatArray | None) -> Answer:
-        """With a better upper bound, and the mechanism that has it."""
-        bracket = self.bracket.lowered(upper, is_proved)
-        if bracket is self.bracket:
-            return self
-        return replace(self, bracket=bracket, mechanism=mechanism)
 
 
 class Run:

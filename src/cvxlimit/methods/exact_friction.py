@@ -10,8 +10,9 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.driver import Answer, Method, Run, Steps
+from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.standing import refuse_an_interval
 from cvxlimit.model.point_friction import ExactFlow, PointFriction
 from cvxlimit.model.points import Placing, at_centroids, at_corners

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from cvxpy.settings import OPTIMAL, OPTIMAL_INACCURATE
 
+from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
-from cvxlimit.methods.driver import Answer, Run, Steps, drive
+from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.limits import broken
 from cvxlimit.model.problem import LimitProblem

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from itertools import product
 from typing import Any
@@ -19,6 +19,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
 from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
 from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.dilatancy.members import Verifier
@@ -31,6 +32,7 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
 )
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.point_friction import ExactFlow
+from cvxlimit.model.statics import Statics
 from cvxlimit.proof.admissible import INSIDE, carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
@@ -42,28 +44,6 @@ from cvxlimit.solution.bracket import Bracket, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_named, surfaces_of
-
-SLACK = 1e-7
-"""How far a number that is computed anew may be from the one that is held, relative: a hundredth of
-the bracket's width that counts as certified. The same processor gives the same digits; others round
-otherwise, and then a solver that finds a state to refer to stops elsewhere."""
-
-RESIDUAL = 1e-6
-"""Residual of equilibrium over the total load, beyond which forces are not those of a solver: they
-leave 1e-10 as a rule; this is a tenth of the width that counts as certified."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """One claim, and whether it holds; ``found`` says from what, or why not."""
-
-    claim: str
-    is_met: bool
-    found: str = ""
-
-    def __str__(self) -> str:
-        found = f" ({self.found})" if self.found else ""
-        return f"{self.claim}: {'proved' if self.is_met else 'NOT proved'}{found}"
 
 
 def solution_checks(
@@ -92,8 +72,7 @@ def solution_checks(
         )
     if solution.quantity != LOAD_FACTOR:
         return [Check(solution.quantity, False, "only load factors can be proved again")]
-    again = _Again(held, _surfaces(solution, surface), moments, formulation)
-    return list(again.checks())
+    return list(_Again(held, _surfaces(solution, surface), moments, formulation).checks())
 
 
 def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
@@ -121,10 +100,8 @@ class _Again:
         moments: str | Moments | None,
         formulation: Formulation,
     ) -> None:
-        self.run, self.moments = (
-            Run(solution.drawn_scene, surfaces, formulation=formulation),
-            moments,
-        )
+        self.run = Run(solution.drawn_scene, surfaces, formulation=formulation)
+        self.moments = moments
         self.reference: tuple[FloatArray | None, float] | None = None
         self._take(solution)
 
@@ -243,14 +220,11 @@ class _Again:
             search.dead_load_falls()  # which leaves forces that carry it
         elif self.reference[0] is not None:
             search.refer_to(self.reference[0], self.reference[1])
-        state = LimitState(
-            Outcome("given", 0.0, 0.0),
-            factor,
-            self.forces,
-            self.mechanism,
-            self._internal(search.certifier.strength),
-        )
-        return search.bracketed(state)
+        return search.bracketed(self._state(factor, self._internal(search.certifier.strength)))
+
+    def _state(self, factor: float | None, internal: FloatArray | None) -> LimitState:
+        given = Outcome("given", 0.0, 0.0)
+        return LimitState(given, factor, self.forces, self.mechanism, internal)
 
     def _internal(self, strength: Strength) -> FloatArray | None:
         """The internal forces held, if they add up to what contacts transfer."""
@@ -265,14 +239,14 @@ class _Again:
     def _falls(self) -> Check:
         """Rates on which the dead load does more work than contacts can take up."""
         claim, dead = "the dead load cannot stand", self.run.assemblage.statics.dead
+        if self.mechanism is None:
+            return Check(claim, False, "there is no mechanism that shows it")
         search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
         loaded = search.reductions.assemblage.alone(dead)
         certifier = Certifier(loaded, search.surfaces, self.run.formulation)
         # a share of the dead load below what is all of it, or below half where it is all or nothing
         enough = 0.5 if certifier.strength.is_cone else 1.0 - RESIDUAL
         upper = certifier.certificate(None, None, self.mechanism).upper
-        if self.mechanism is None:
-            return Check(claim, False, "there is no mechanism that shows it")
         return Check(claim, upper < enough, "by the mechanism")
 
     def _harmless(self) -> Check:
@@ -295,10 +269,14 @@ class _Again:
     def _carries_live(self, forces: FloatArray) -> bool:
         """True if forces as they stand are in equilibrium with the live load alone."""
         statics, scaling = self.run.assemblage.statics, self.run.scaling
-        alone = statics.under(statics.live, statics.live)
-        left = np.abs(alone.residual(forces, 0.0))
-        left[:, 3:] /= scaling.length
-        return bool(left.max() <= RESIDUAL * scaling.force / scaling.ratio)
+        left = self._left(statics.under(statics.live, statics.live), forces, 0.0)
+        return left <= RESIDUAL * scaling.force / scaling.ratio
+
+    def _left(self, statics: Statics, forces: FloatArray, factor: float) -> float:
+        """The largest force out of balance, and moment over the scene's length."""
+        left = np.abs(statics.residual(forces, factor))
+        left[:, 3:] /= self.run.scaling.length
+        return float(left.max())
 
     # With interaction
 
@@ -324,10 +302,8 @@ class _Again:
         if self.mechanism is not None:
             UpperBound(run).offer(self.mechanism)
         if self.forces is not None and solution.load_factor is not None:
-            bound = LowerBounds(run.assemblage, run.moments).checked(
-                self.forces, solution.load_factor
-            )
-            run.best = bound.raising(run.best)
+            bounds = LowerBounds(run.assemblage, run.moments)
+            run.best = bounds.checked(self.forces, solution.load_factor).raising(run.best)
         return run.best.bracket
 
     def _cannot_stand(self) -> Check:
@@ -338,9 +314,9 @@ class _Again:
         alone = run.auxiliary_run(run.assemblage.alone(dead))
         if self.mechanism is not None:
             UpperBound(alone).offer(self.mechanism)
-        if alone.best.bracket.upper < 0.5:
-            return Check(check.claim, True, "by the mechanism")
-        return Check(check.claim, False, self._why_above("no proof"))
+        is_met = alone.best.bracket.upper < 0.5
+        found = "by the mechanism" if is_met else self._why_above("no proof")
+        return Check(check.claim, is_met, found)
 
     def _harmless_inside(self) -> Check:
         claim, run = "the live load does no harm", self.run
@@ -367,13 +343,9 @@ class _Again:
         if self.forces is None or factor is None or abs(factor - first.load_factor) > self._near:
             yield Check(claim, False, "it is not that of the forces")
         else:
-            state = LimitState(
-                Outcome("given", 0.0, 0.0), factor, self.forces, self.mechanism,
-                self.solution.internal,
-            )  # fmt: skip
-            verifier = Verifier(self.run)
+            state = self._state(factor, solution.internal)
             try:
-                found = verifier.member(state, first.start, first.iterations)
+                found = Verifier(self.run).member(state, first.start, first.iterations)
             except ModelError:  # internal forces that belong to nothing
                 found = None
             worst = np.inf if found is None else found.residual
@@ -430,18 +402,15 @@ class _Again:
             if forces is None or not np.isfinite(forces).all():
                 yield Check(claim, False, "there are no forces that carry it")
             else:
-                carried, length = self._carried or 0.0, self.run.scaling.length
-                left = np.abs(statics.residual(forces, factor))
-                left[:, 3:] /= length
+                carried, left = self._carried or 0.0, self._left(statics, forces, factor)
                 total = self.run.scaling.force * (1.0 + abs(factor) / self.run.scaling.ratio)
-                is_met = bool(left.max() <= RESIDUAL * total)
-                said = "" if is_met else f"residual {left.max() / total:.1e} of the total load"
+                is_met = left <= RESIDUAL * total
+                said = "" if is_met else f"residual {left / total:.1e} of the total load"
                 if abs(carried - factor) > max(self._near, 10.0 * RESIDUAL * abs(factor)):
                     is_met, said = False, f"the forces carry {carried:.9g}"
                 yield Check(claim, is_met, said or "the forces carry it")
-                inside = solution.bracket
-                if inside.clipped(factor) != factor:
-                    yield Check(claim, False, f"it is outside of its bracket {inside}")
+                if solution.bracket.clipped(factor) != factor:
+                    yield Check(claim, False, f"it is outside of its bracket {solution.bracket}")
         if self.mechanism is not None and solution.status.has_answer:
             power = float(statics.live @ self.mechanism.ravel())
             if abs(power - 1.0) > 10.0 * RESIDUAL:

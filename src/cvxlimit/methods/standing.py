@@ -10,11 +10,13 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.driver import Answer, Run
+from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.goals import Stated
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.proof.certificate import REFERENCE, Certifier, assumptions
+from cvxlimit.proof.assumptions import REFERENCE, assumptions
+from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Iterate, LowerEnd
 from cvxlimit.solution.bracket import Bracket, rounded
 from cvxlimit.surfaces.base import YieldSurface, times

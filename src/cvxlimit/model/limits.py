@@ -19,8 +19,9 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
-from cvxlimit.model.sinks import Form, Rows, check_values
+from cvxlimit.model.sinks import Form, Rows
 from cvxlimit.model.statics import DOF
+from cvxlimit.model.theta import check_values
 from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.program import ConeProgram
 

@@ -20,40 +20,13 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import DOF, block_sizes
+from cvxlimit.proof.assumptions import REFERENCE, Certificate
 from cvxlimit.proof.gluing import glued, without_idle
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import NOTHING, ContactFlow, Flow, Strength, finite
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
-
-REFERENCE = 10.0
-"""Where a bound needs an assumption, it is that no contact force of the exact solution exceeds
-this multiple of the total load or of the largest force given, and no rate this multiple of the
-given mechanism's largest."""
-
-PROVED = "both bounds are proved, up to rounding"
-"""The note of a solution whose bracket needs no assumption."""
-
-
-def assumptions(bracket: Bracket) -> str:
-    """Under which assumptions the bounds that exist hold.
-
-    >>> assumptions(Bracket(0.1, 0.2, True, True)), assumptions(Bracket(0.1, lower_is_proved=True))
-    ('both bounds are proved, up to rounding', 'the lower bound is proved, up to rounding')
-    """
-    sides = {
-        "lower": f"no block moves more than {REFERENCE:g} times as fast at collapse as the fastest "
-        "of the mechanism found",
-        "upper": f"no contact bears more than {REFERENCE:g} times the total load, or "
-        f"{REFERENCE:g} times the largest force found",
-    }
-    known = [side for side in sides if np.isfinite(getattr(bracket, side))]
-    assumed = [side for side in known if not getattr(bracket, f"{side}_is_proved")]
-    if known and not assumed:
-        return PROVED if len(known) == 2 else f"the {known[0]} bound is proved, up to rounding"
-    return " and ".join(f"the {side} bound holds if {sides[side]}" for side in assumed)
 
 
 @dataclass(frozen=True)
@@ -71,8 +44,7 @@ class _Numbers:
     """Friction from which that matters: the flow rule asks for an opening of friction times the
     slip, so that slips by rounding cost some of the bracket."""
     idle: float = 1e-09
-    """Forces at a contact, over the largest of all, up to which it may be meant to carry
-    nothing."""
+    """Forces at a contact, over the largest of all, up to which it may be meant to carry none."""
     unresisted: float = 1e-10
     """Load factor, over the natural one, that rounding in equilibrium may hide where nothing
     resists: ten times what counts as balanced. The dead-load state itself carries zero."""
@@ -87,28 +59,6 @@ _N = _Numbers()
 
 
 _Bound = tuple[float, bool, float, float]
-
-
-@dataclass(frozen=True)
-class Certificate(Bracket):
-    """A bracket, and the residuals it was computed from.
-
-    Attributes
-    ----------
-    equilibrium_residual, yield_excess : float
-        Largest over blocks and contacts, in units of the total load (moments over the typical
-        contact size).
-    flow_violation : float
-        Largest missing opening at a contact over the mechanism's largest rate.
-    missing_opening : float
-        Sum of the missing openings at contacts, for live power 1: contact forces below its
-        reciprocal cannot take up that power.
-    """
-
-    equilibrium_residual: float = np.nan
-    yield_excess: float = np.nan
-    flow_violation: float = np.nan
-    missing_opening: float = np.nan
 
 
 class Opened(NamedTuple):

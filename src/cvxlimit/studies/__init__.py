@@ -6,7 +6,7 @@ draws variations at random.
 was stored from the forces and mechanisms in it.
 """
 
-from cvxlimit.methods.proving import Check
+from cvxlimit.methods.checks import Check
 from cvxlimit.studies.domains.comparing import DomainComparison, compare_domains
 from cvxlimit.studies.domains.document import read_domain, write_domain
 from cvxlimit.studies.domains.domain import LoadDomain

@@ -15,7 +15,8 @@ from cvxlimit.io.paths import PATH
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
-from cvxlimit.methods.proving import Check, solution_checks
+from cvxlimit.methods.checks import Check
+from cvxlimit.methods.proving import solution_checks
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.paths.path import Path as Displacements
 from cvxlimit.paths.proving import path_checks

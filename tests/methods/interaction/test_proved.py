@@ -7,8 +7,9 @@ import pytest
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.masonry import random_wall
 from cvxlimit.masonry.walls import SIZES
+from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.driver import Answer, Run
+from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.restriction.lower_bound import prove
 from cvxlimit.readings.moments import SIGNED
 from cvxlimit.solution.bracket import Bracket

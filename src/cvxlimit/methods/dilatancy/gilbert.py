@@ -17,9 +17,10 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import dead_load_falls
 from cvxlimit.methods.dilatancy.pair import Reduced, ladder
-from cvxlimit.methods.driver import Answer, Method, Run, Steps
+from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded
 

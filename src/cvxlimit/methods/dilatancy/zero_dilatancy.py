@@ -15,13 +15,14 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.errors import ModelError
+from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import ConvexSearch, dead_load_falls
 from cvxlimit.methods.dilatancy.least_thrust import PATIENCE, is_covered, lower_bound
 from cvxlimit.methods.dilatancy.lifted import Lifted, LiftedBound, lifted_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.dilatancy.pair import Pair, pressed
-from cvxlimit.methods.driver import Answer, Method, Run, Steps
-from cvxlimit.proof.certificate import assumptions
+from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.proof.assumptions import assumptions
 from cvxlimit.solution import Member, Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState

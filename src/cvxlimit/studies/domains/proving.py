@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.errors import InputError
-from cvxlimit.methods.proving import RESIDUAL, SLACK, Check, solution_checks
+from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
+from cvxlimit.methods.proving import solution_checks
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import combined
 from cvxlimit.solution import Status

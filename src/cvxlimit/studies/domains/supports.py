@@ -14,14 +14,16 @@ import cvxpy as cp
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.driver import Answer, Run, packed
+from cvxlimit.methods.driver import Run, packed
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.goals import LargestFactor, Stated, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
-from cvxlimit.proof.certificate import REFERENCE, Certifier
+from cvxlimit.proof.assumptions import REFERENCE
+from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene

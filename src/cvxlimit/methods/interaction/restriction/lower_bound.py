@@ -11,7 +11,8 @@ import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.driver import Answer, Run
+from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import PROOF
@@ -20,7 +21,7 @@ from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
 from cvxlimit.model.goals import LargestFactor
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import block_sizes
-from cvxlimit.proof.certificate import REFERENCE
+from cvxlimit.proof.assumptions import REFERENCE
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import Strength
 from cvxlimit.readings.moments import Moments
