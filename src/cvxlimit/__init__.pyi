@@ -50,6 +50,7 @@ from cvxlimit.scene.loads import GrowingAcceleration as GrowingAcceleration
 from cvxlimit.scene.loads import Load as Load
 from cvxlimit.scene.loads import PointForce as PointForce
 from cvxlimit.scene.pressures import Pressure as Pressure
+from cvxlimit.scene.settling import SupportMotion as SupportMotion
 from cvxlimit.scene.surroundings import earth_pressure as earth_pressure
 from cvxlimit.scene.surroundings import fill as fill
 from cvxlimit.scene.surroundings import hydrostatic as hydrostatic

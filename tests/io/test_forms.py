@@ -24,6 +24,7 @@ from cvxlimit import (
     Scene,
     Solution,
     Status,
+    SupportMotion,
     Tie,
     Units,
     io,
@@ -53,6 +54,7 @@ WATER = Pressure(
     "b1", (0, 1, 0), 2.5, (0, 0, -3), (1, 1, 0.5), (0, 0, -1), ((0, 1, 0), (1, 1, 0), (0, 1, 1))
 )
 PUSH = GrowingAcceleration((1, 0.5, 0), (0, 0, 0.5), (0, 0, 2))
+MOTION = SupportMotion(("ground",), (0, 0, -1), (0, 0.5, 0), (1, 0, 2))
 LOADED = Load(
     gravity=(0.0, 0.6, -0.8),
     acceleration=(0.1, 0.2, 0.3),
@@ -84,10 +86,12 @@ EVERY: dict[type, dict[str, Any]] = {
         "name": "every field",
         "joint_tolerance": 1e-3,
         "ties": (Tie("b1", "ground", (0, 0, 0.5), (0, 0, -0.5), 3.0),),
+        "settling": (MOTION,),
     },
     Load: {each.name: getattr(LOADED, each.name) for each in fields(Load)},
     Pressure: {each.name: getattr(WATER, each.name) for each in fields(Pressure)},
     GrowingAcceleration: {each.name: getattr(PUSH, each.name) for each in fields(PUSH)},
+    SupportMotion: {each.name: getattr(MOTION, each.name) for each in fields(MOTION)},
     Units: {"length": "ft", "force": "lbf"},
     Iterate: {
         "load_factor": 0.1, "seconds": 0.2, "solver": "a", "status": "b", "lower": -0.3,
@@ -107,7 +111,9 @@ def same(a: Any, b: Any) -> bool:
     """Equal, arrays and what has no equality of its own field by field."""
     if isinstance(a, np.ndarray):
         return np.array_equal(a, b)
-    if isinstance(a, Block | Load | Tie | PointForce | Pressure | GrowingAcceleration):
+    if isinstance(
+        a, Block | Load | Tie | PointForce | Pressure | GrowingAcceleration | SupportMotion
+    ):
         return type(a) is type(b) and all(
             same(getattr(a, each.name), getattr(b, each.name)) for each in fields(a)
         )
@@ -190,6 +196,7 @@ def test_each_field_of_a_scene_is_in_its_file(name: str) -> None:
         "name": "other",
         "joint_tolerance": None,
         "ties": (),
+        "settling": (),
     }
     own = {each: {} if each.startswith("contact_") else 0.75 for each in JOINTS}
     changed = scene(**{name: {**others, **own}[name]})

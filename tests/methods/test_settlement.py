@@ -10,11 +10,23 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, settlement
+from cvxlimit import (
+    Block,
+    Load,
+    Scene,
+    Status,
+    SupportMotion,
+    Tie,
+    Units,
+    builtin_scene,
+    settlement,
+)
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_result, write_scene
+from cvxlimit.methods.settlement import Reaction
 from cvxlimit.plotting import plot
 from cvxlimit.plotting.look import title
 from helpers import renumbered, rotations
@@ -192,3 +204,101 @@ class TestCommandLine:
         captured = capsys.readouterr()
         assert "least reaction of right-abutment  0.49455" in captured.out
         assert "/dev/full" in captured.err
+
+
+class TestSeveralTogether:
+    """A beam of length 2 and weight 4 on three piers of 0.2 m; arches between abutments."""
+
+    def check(self, reaction: Reaction, expected: float) -> None:
+        assert reaction.solution.status is Status.CERTIFIED
+        assert reaction.value == pytest.approx(expected, rel=1e-6, abs=1e-6)
+        assert reaction.bracket.is_within(1e-4)
+        assert reaction.bracket.lower <= expected + 1e-6
+        assert reaction.bracket.upper >= expected - 1e-6
+
+    def test_two_piers_settle(self) -> None:
+        """Least: the third bears at its inner edge, the two at the far end: 4 - 4 / 1.8. Largest:
+        all, for the middle one can. Both ends together may carry nothing, or all but what is
+        needed of the middle: nothing."""
+        scene = beam_on_three()
+        for names, least, largest in ((("p1", "p2"), 4 - 4 / 1.8, 4.0), (("p0", "p2"), 0.0, 4.0)):
+            self.check(settlement(scene, names, DOWN), least)
+            found = settlement(scene, names, (0, 0, -7), "largest")
+            self.check(found, largest)
+            assert found.solution.quantity == f"largest reaction of {', '.join(names)}"
+
+    def test_piers_turn_as_one(self) -> None:
+        """About the first one's inner edge by an axis along y: the sum of forces times distances
+        is 4 x 0.8, and besides at most 2 x 0.2, from the first pier's outer edge. As a translation
+        of a point 1 m away with a rotation it is the same."""
+        scene = beam_on_three()
+        axis = {"rotation": (0, 1, 0), "about": (0.2, 0.5, 0)}
+        for which, expected in (("least", 3.2), ("largest", 3.6)):
+            self.check(settlement(scene, ("p1", "p2"), None, which, **axis), expected)
+            both = settlement(scene, ("p1", "p2"), DOWN, which, rotation=(0, 1, 0),
+                              about=(1.2, 0, 0))  # fmt: skip
+            self.check(both, expected)
+        reaction = settlement(scene, ("p1", "p2"), None, "largest", **axis)
+        rates = reaction.solution.mechanism
+        assert rates is not None
+        assert reaction.solution.quantity == "largest moment of p1, p2"
+        assert reaction.solution.quantity_unit == "kN m"
+        scale = rates["p2"][4]
+        for name, x in (("p1", 0.8), ("p2", 1.7)):  # of the centroids from the axis
+            np.testing.assert_allclose(rates[name], scale * np.array([-0.5, 0, -x, 0, 1, 0]),
+                                       atol=1e-7 * abs(scale))  # fmt: skip
+
+    @pytest.mark.parametrize(("length", "height"), [(1.0, 0.5), (0.5, 0.2)])
+    def test_springings_spread_and_turn(self, length: float, height: float) -> None:
+        """Both spread: twice the thrust W L / (2 h). One turns about an axis as far below the
+        springing as the arch is high: the thrust acts at its toe, W L / (2 h) x h."""
+        scene, weight = jack_arch(length, height), 10.0 * length * height
+        spread = [SupportMotion("left", (-1, 0, 0)), SupportMotion("right", (1, 0, 0))]
+        self.check(settlement(scene, spread), weight * length / height)
+        turned = settlement(
+            scene, "right", rotation=(0, 3, 0), about=(2 * length, 0.5, -height)
+        )  # fmt: skip
+        self.check(turned, weight * length / 2.0)
+
+    def test_rotation_and_units(self) -> None:
+        scene = replace(
+            beam_on_three(), settling=(SupportMotion(("p1", "p2"), DOWN, (0, 1, 0), (1.2, 0, 0)),)
+        )
+        turn = Rotation.from_euler("xyz", (20, 40, 60), degrees=True).as_matrix()
+        self.check(settlement(scene), 3.2)
+        self.check(settlement(scene.moved(turn, (1, 2, 3))), 3.2)
+        other = settlement(scene.in_units(Units("mm", "N"), 1e3, 1e3))
+        assert other.value == pytest.approx(3.2e3, rel=1e-6)
+
+    def test_motions_of_a_file_and_options(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        scene, file = beam_on_three(), str(tmp_path / "beam.json")
+        motion = SupportMotion(("p1", "p2"), rotation=(0, 1, 0), about=(0.2, 0, 0))
+        write_scene(replace(scene, settling=(motion,)), file)
+        assert run(["settle", file]) == 0
+        assert re.search("least moment of p1, p2 +3.2000.* kN m\n", capsys.readouterr().out)
+        assert (
+            run(["settle", file, "--support", "p1", "--support", "p2", "--direction=0,0,-1"]) == 0
+        )
+        assert re.search("least reaction of p1, p2 +1.777.* kN\n", capsys.readouterr().out)
+        write_scene(scene, file)
+        assert run(["settle", file]) == 2
+        assert (
+            "says nothing of supports that move: name one of p0, p1, p2" in capsys.readouterr().err
+        )
+
+    def test_refusals(self) -> None:
+        scene = beam_on_three()
+        for arguments, options, message in (
+            ((("p1", "beam"), DOWN), {}, "'beam' is no support of scene 'scene': p0, p1, p2 are"),
+            ((("p1", "p1"), DOWN), {}, "each once, got 'p1' twice"),
+            ((("p1", "p2"),), {}, "direction of the motion of 'p1', 'p2' must not be zero"),
+            (("p1",), {"rotation": (0, 1, 0)}, "about of the motion of 'p1' is missing"),
+            (([SupportMotion("p1", DOWN)] * 2,), {}, "support 'p1' has two motions: give one"),
+            ((SupportMotion("p1", DOWN), DOWN), {}, "are the motions' own: leave them out"),
+        ):
+            with pytest.raises(InputError, match=message):
+                settlement(scene, *arguments, **options)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match="'beam' is no support"):
+            replace(scene, settling=(SupportMotion("beam", DOWN),))

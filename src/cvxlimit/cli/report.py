@@ -132,8 +132,7 @@ def summary(
 ) -> Table:
     blocks = counted(solution.blocks, "free block")
     value = solution.range_text or _text(solution.load_factor) or "none"
-    if solution.quantity != LOAD_FACTOR and solution.solved_scene is not None:
-        value += f" {solution.solved_scene.units.force}"
+    value += f" {solution.quantity_unit}".rstrip()
     is_all = solution.dilatancy is not None and solution.dilatancy.is_all
     value += (
         "" if solution.is_answered else f" ({solution.standing if is_all else solution.status})"

@@ -285,10 +285,18 @@ class Movement:
     """What ``cvxlimit settle`` is asked."""
 
     scene: str = argument()
-    support: str = option("ID", "The support that moves.", ...)
-    direction: str = option(
-        "X,Y,Z", "Where to, as in --direction=0,0,-1; its length does not matter.", ...
+    support: list[str] | None = option(
+        "ID",
+        "The support that moves; several, each after a --support, move as one body. Unless given, "
+        "those in the scene's settling.",
     )
+    direction: str | None = option(
+        "X,Y,Z", "Where to, as in --direction=0,0,-1; its length does not matter."
+    )
+    rotation: str | None = option(
+        "X,Y,Z", "Axis about which they turn, right-handed; its length in proportion to direction."
+    )
+    about: str | None = option("X,Y,Z", "A point of that axis.")
     which: str = option(
         "NAME",
         "least (default) or largest: the reaction that remains while the support gives way, or the "
@@ -303,15 +311,25 @@ class Movement:
 
 @taking(Movement)
 def settle_command(asked: Movement) -> ExitCode:
-    """Find the least or largest reaction of a support that moves, under the dead load alone."""
+    """Find the least or largest reaction of supports that move, under the dead load alone."""
     files = Files(asked.json, asked.plot, report=asked.report)
     files.check(asked.scene)
-    along = vector("--direction", asked.direction, "0,0,-1")
+    along, axis, about = (
+        None if text is None else vector(name, text, "0,0,-1")
+        for name, text in (
+            ("--direction", asked.direction),
+            ("--rotation", asked.rotation),
+            ("--about", asked.about),
+        )
+    )
 
     def settled(tell: Tell) -> tuple[Scene, Solution]:
         scene = scene_named(asked.scene)
         surface: Any = asked.surface
-        found = settlement(scene, asked.support, along, asked.which, surface, progress=tell)
+        found = settlement(
+            scene, asked.support or None, along, asked.which, surface, progress=tell,
+            rotation=axis or (0.0, 0.0, 0.0), about=about,
+        )  # fmt: skip
         return scene, found.solution
 
     scene, solution = interruptible(settled)

@@ -43,6 +43,7 @@ from cvxlimit.io.forms import (
 from cvxlimit.scene import Scene, Units, check_scene
 from cvxlimit.scene.loads import GrowingAcceleration, Load, PointForce
 from cvxlimit.scene.pressures import Pressure
+from cvxlimit.scene.settling import SupportMotion
 from cvxlimit.scene.ties import Tie
 
 AXES = ("x", "y", "z")
@@ -143,6 +144,14 @@ TIE = record(
     },
 )
 
+
+MOTION = record(
+    SupportMotion,
+    {
+        "supports": Key(listed(TEXT, "support {i} of {owner}")),
+        **{name: Key(POINT) for name in ("direction", "rotation", "about")},
+    },
+)
 
 UNLIMITED = Form(
     lambda value, where, _: math.inf if value == "inf" else number(value, where),
@@ -264,6 +273,7 @@ SCENE: Document[Scene] = Document(
             **{what: Key(form, is_needed=what == "friction") for what, form in VALUES.items()},
             "joint_tolerance": Key(TOLERANCE, "{key}"),
             "ties": Key(listed(TIE), "{key}"),
+            "settling": Key(listed(MOTION), "{key}"),
             "contacts": Key(CONTACTS, "{key}", is_needed=False, is_several=True),
             "loads": Key(LOADS, "{key}", is_needed=True, is_several=True),
         },

@@ -1,15 +1,15 @@
-"""Settlement: the least and the largest reaction of a support that moves, and its mechanism."""
+"""Settlement: the least and the largest reaction of supports that move, and its mechanism."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
@@ -19,26 +19,28 @@ from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.scene.loads import Load
+from cvxlimit.scene.settling import SupportMotion, check_motions
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName
 
 _NO_WEIGHT = 1e-14
-"""Weight of the moving support over that of all blocks: its own does not count."""
+"""Weight of the moving supports over that of all blocks: their own does not count."""
 
 _LEAST, _LARGEST = "least", "largest"
 
 
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """What a moving support carries.
+    """What moving supports carry.
 
     Attributes
     ----------
     value : float or None
-        Force with which the support resists being moved along the direction: positive where it is
-        pushed that way. None where there is none.
+        Force with which the supports resist being moved along the direction: positive where they
+        are pushed that way. For a rotation without a direction it is their moment about its axis;
+        with both, the work per length of the translation. None where there is none.
     bracket : Bracket
         Of the value, recomputed outside the solver.
     solution : Solution
@@ -54,35 +56,42 @@ class Reaction:
 
 def settlement(
     scene: Scene,
-    support: str,
-    direction: ArrayLike,
+    support: str | Sequence[str] | SupportMotion | Sequence[SupportMotion] | None = None,
+    direction: ArrayLike | None = None,
     which: str = _LEAST,
     surface: SurfaceName | Cone | Sequence[YieldSurface] = "conic",
     tolerance: float = TOLERANCE,
     progress: Progress | None = None,
+    *,
+    rotation: ArrayLike = (0.0, 0.0, 0.0),
+    about: ArrayLike | None = None,
 ) -> Reaction:
-    """Least or largest reaction of a support that moves along a direction, under the dead load.
+    """Least or largest reaction of supports that move in a given way, under the dead load.
 
-    The support is taken as a block that its guide lets move along the direction only. The least
-    reaction is what remains of it while it settles; the largest what pushes it back.
+    They are taken as blocks that a guide lets move in this way only, all by the same amount. The
+    least reaction is what remains of it while they settle; the largest what pushes them back.
 
     Parameters
     ----------
     scene : Scene
         Its live load does not matter.
-    support : str
-        Id of the support that moves; its contacts with other supports do not count.
+    support : str, sequence of str, SupportMotion, sequence of SupportMotion, optional
+        Ids of the supports that move as one rigid body; or motions, of several such bodies that
+        move in proportion. Unless given, the scene's own (``scene.settling``). Contacts between
+        supports do not count.
     direction : (3,)
-        Of the movement; its length does not matter.
+        Of the movement; its length does not matter. With a rotation, the movement of ``about``.
     which : {"least", "largest"}
     surface, tolerance, progress
         As for :func:`cvxlimit.solve`; the tolerance is relative to the distance between the
         reaction and a possible one.
+    rotation, about : (3,), optional
+        As for :class:`~cvxlimit.SupportMotion`.
 
     Raises
     ------
     InputError
-        If there is no such support, or the direction is none.
+        If there is no such support, or no motion.
     ModelError
         For ties and contacts with strengths.
 
@@ -94,24 +103,24 @@ def settlement(
     >>> scene = Scene([*piers, beam], ["p0", "p1"], Load(acceleration=(1, 0, 0)))
     >>> round(settlement(scene, "p1", (0, 0, -1)).value, 6)  # turns about the edge of p0
     0.75
+
+    The pier turns about its inner edge; at most half of the beam's weight acts at its outer one:
+
+    >>> turned = settlement(scene, "p1", which="largest", rotation=(0, 1, 0), about=(0.8, 0, 0))
+    >>> round(turned.value, 6)
+    0.2
     """
     check_scene(scene)
     if which not in (_LEAST, _LARGEST):
         raise ModelError(f"which must be least or largest, got {which!r}")
-    if support not in scene.supports:
-        raise InputError(
-            f"{support!r} is no support of scene {scene.name!r}: {', '.join(scene.supports)} are"
-        )
-    vector = finite_vector(direction, 3, "direction of the settlement")
-    if not np.any(vector):
-        raise InputError("direction of the settlement must not be zero")
-    along = vector / np.linalg.norm(vector)
+    motions = _motions(scene, support, direction, rotation, about)
     run, method = Run(scene, surface, progress=progress), Convex(tolerance)
     check("settlement", run, ("cohesion",))
     search = ConvexSearch(run, "full")
     falls = search.dead_load_falls()
     state = None if falls else search.certifier.witnesses.dead_state
-    quantity = f"{which} reaction of {support}"
+    kind = "reaction" if any(motions[0].direction) else "moment"
+    quantity = f"{which} {kind} of {', '.join(name for each in motions for name in each.supports)}"
     if state is None:
         if not falls:
             run.remarks = ["with all supports in place, whether the dead load stands is open"]
@@ -119,14 +128,37 @@ def settlement(
         solution = replace(packed(method, run, status), quantity=quantity)
         return Reaction(None, solution.bracket, solution)
     sign = 1.0 if which == _LEAST else -1.0
-    guided, possible = _guided(scene, support, along, sign, state)
+    guided, rates, possible = _guided(scene, motions, sign, state)
     solution = drive(method, Run(guided, surface, progress=progress))
     solution = replace(solution, solved_scene=scene, quantity=quantity)
-    return _reaction(solution, support, along, possible, sign)
+    return _reaction(solution, rates, possible, sign)
+
+
+def _motions(
+    scene: Scene, support: Any, direction: Any, rotation: ArrayLike, about: ArrayLike | None
+) -> tuple[SupportMotion, ...]:
+    """One motion of the ids given, or those given, or the scene's own; checked."""
+    if isinstance(support, SupportMotion):
+        support = [support]
+    is_own = support is None
+    listed = scene.settling if is_own else (support,) if isinstance(support, str) else support
+    motions = tuple(listed)
+    if not motions:
+        raise InputError(
+            f"scene {scene.name!r} says nothing of supports that move: name one of "
+            f"{', '.join(scene.supports)}, and its direction"
+        )
+    if not all(isinstance(each, SupportMotion) for each in motions):
+        way = (0.0, 0.0, 0.0) if direction is None else direction
+        motions = (SupportMotion(motions, way, rotation, about),)  # type: ignore[arg-type]
+    elif direction is not None or about is not None or np.any(rotation):
+        raise InputError("direction, rotation and about are the motions' own: leave them out")
+    check_motions(motions, scene.supports, scene.name)
+    return motions
 
 
 def _reaction(
-    solution: Solution, support: str, along: FloatArray, possible: float, sign: float
+    solution: Solution, motion: Mapping[str, FloatArray], possible: float, sign: float
 ) -> Reaction:
     found = solution.bracket
     low, high = possible - sign * found.upper, possible - sign * found.lower
@@ -138,26 +170,41 @@ def _reaction(
     value = None if factor is None else possible - sign * factor
     if solution.mechanism is not None:
         rates = dict(solution.mechanism)
-        rates[support] = np.append(along * (along @ rates[support][:3]), np.zeros(3))
+        by = sum(float(way @ rates[name]) for name, way in motion.items())
+        by /= sum(float(way @ way) for way in motion.values())
+        rates |= {name: by * way for name, way in motion.items()}
         solution = replace(solution, mechanism=rates)
     return Reaction(value, bracket, replace(solution, load_factor=value, bracket=bracket))
 
 
 def _guided(
-    scene: Scene, support: str, along: FloatArray, sign: float, state: FloatArray
-) -> tuple[Assemblage, float]:
-    at = [block.id for block in scene.blocks].index(support)
-    weight = _NO_WEIGHT * scene.total_weight / scene.blocks[at].volume
-    blocks = tuple(replace(b, density=weight) if b.id == support else b for b in scene.blocks)
-    others = tuple(key for key in scene.supports if key != support)
-    push = Load(forces={support: (*(sign * along), 0.0, 0.0, 0.0)})
-    free = scene._copy(blocks=blocks, supports=others, live=push)
+    scene: Scene, motions: Sequence[SupportMotion], sign: float, state: FloatArray
+) -> tuple[Assemblage, dict[str, FloatArray], float]:
+    """The scene with the supports that move as blocks without weight, on a guide, held by the
+    reaction that is possible and pushed by one more; how they move; that reaction."""
+    place = {block.id: i for i, block in enumerate(scene.blocks)}
+    size = motions[0].size
+    rates = {
+        name: each.rates(scene.blocks[place[name]]) / size
+        for each in motions
+        for name in each.supports
+    }
+    whole = sum(float(way @ way) for way in rates.values())
+    blocks = list(scene.blocks)
+    for name in rates:
+        block = blocks[place[name]]
+        weight = _NO_WEIGHT * scene.total_weight / (len(rates) * block.volume)
+        blocks[place[name]] = replace(block, density=weight)
+    others = tuple(key for key in scene.supports if key not in rates)
+    push = Load(forces={name: tuple(sign * way / whole) for name, way in rates.items()})
+    free = scene._copy(blocks=tuple(blocks), supports=others, live=push, settling=())
     statics = Statics.of(free)
-    row = int(statics.row_of_block[at])
-    pushed = (statics.matrix @ state.ravel()).reshape(-1, DOF)[row, :3]
-    possible = float(pushed @ along)
-    own = {key: force for key, force in scene.dead.forces.items() if key != support}
-    held = replace(scene.dead, forces={**own, support: (*(-possible * along), 0.0, 0.0, 0.0)})
-    free = free.with_dead(held)
-    statics = Statics.of(free).guided(row, along)
-    return Assemblage(free, statics, Scaling.of(free), Balance.of(statics)), possible
+    every = np.zeros((len(free.free), DOF))
+    for name, way in rates.items():
+        every[statics.row_of_block[place[name]]] = way
+    possible = float(every.ravel() @ (statics.matrix @ state.ravel()))
+    own = {key: force for key, force in scene.dead.forces.items() if key not in rates}
+    held = {name: tuple(-possible * way / whole) for name, way in rates.items()}
+    free = free.with_dead(replace(scene.dead, forces=own | held))
+    statics = Statics.of(free).guided(every)
+    return Assemblage(free, statics, Scaling.of(free), Balance.of(statics)), rates, possible

@@ -66,12 +66,13 @@ class Statics:
     live: FloatArray
     guide: sp.csr_array | None = None
 
-    def guided(self, row: int, direction: FloatArray) -> Statics:
-        """The same with a free block, by row, that can only move along a direction (3,): what acts
-        on it in other ways is taken up by its guide."""
-        blocks = [sp.csr_array(np.eye(DOF))] * (int(self.row_of_block.max()) + 1)
-        blocks[row] = sp.csr_array(np.kron(np.diag([1.0, 0.0]), np.outer(direction, direction)))
-        guide = sp.csr_array(sp.block_diag(blocks, format="csr"))
+    def guided(self, rates: FloatArray) -> Statics:
+        """The same where free blocks that have ``rates`` (free blocks, 6) other than zero can move
+        by a multiple of these only, all by the same: what acts on them in other ways is taken up
+        by their guide."""
+        motion = sp.csr_array(rates.reshape(-1, 1))
+        free = sp.diags_array(np.repeat((rates == 0.0).all(axis=1), DOF).astype(float))
+        guide = sp.csr_array(free + motion @ motion.T / float((rates**2).sum()))
         dead, live = (np.asarray(guide @ load) for load in (self.dead, self.live))
         return replace(self, dead=dead, live=live, guide=guide)
 

@@ -65,7 +65,7 @@ _SIGNATURE = """<p class="sign"><span>checked by</span><span>place and date</spa
 
 
 def _result(solution: Solution, without: Solution | None) -> Rows:
-    unit = "" if solution.quantity == LOAD_FACTOR else f" {_units(solution).force}"
+    unit = f" {solution.quantity_unit}".rstrip()
     value = "none" if solution.load_factor is None else rounded(solution.load_factor, 5)
     yield solution.quantity, (solution.range_text or value) + unit
     if solution.bracket.has_any:
@@ -306,7 +306,3 @@ def _vector(values: Any, unit: str = "", between: str = ", ") -> str:
     small = np.abs(numbers) <= 1e-9 * np.abs(numbers).max(initial=0.0)
     text = between.join(f"{x:.6g}" for x in np.where(small, 0.0, numbers).tolist())
     return f"{text if between != ', ' else f'({text})'} {unit}".rstrip()
-
-
-def _units(solution: Solution) -> Units:
-    return solution.units or Units()

@@ -25,6 +25,7 @@ from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.geometry.strengths import PROPERTIES, ByPair, SceneJoints
 from cvxlimit.scene.loads import GRAVITY, Load, PointForce
 from cvxlimit.scene.pressures import Pressure
+from cvxlimit.scene.settling import SupportMotion, check_motions
 from cvxlimit.scene.ties import Tie, with_ties
 
 __all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Units"]
@@ -70,6 +71,9 @@ class Scene(RemadeFromFields, SceneJoints):
     name : str
     ties : tuple of Tie
         Members that bear tension; each counts as a contact, after all others.
+    settling : tuple of SupportMotion
+        How supports move where :func:`cvxlimit.settlement` is not told; a load factor is that of
+        supports at rest.
     joint_tolerance : float or None
         How far apart, and how deep in each other, faces of different blocks may be and still be
         a contact (length). None: one hundredth of the mean thickness of the thinner block.
@@ -99,6 +103,7 @@ class Scene(RemadeFromFields, SceneJoints):
     name: str = "scene"
     joint_tolerance: float | None = None
     ties: tuple[Tie, ...] = ()
+    settling: tuple[SupportMotion, ...] = ()
 
     def __post_init__(self) -> None:
         self._check({each.name for each in fields(self)})
@@ -114,6 +119,7 @@ class Scene(RemadeFromFields, SceneJoints):
             ("blocks", Block, "blocks must be Blocks", "Block.box makes one"),
             ("supports", str, "supports must be ids", "write ['ground']"),
             ("ties", Tie, "ties must be Ties", "import Tie"),
+            ("settling", SupportMotion, "settling must be SupportMotions", "import SupportMotion"),
         ):
             if name in changed:
                 object.__setattr__(self, name, members(getattr(self, name), kind, what, cure))
@@ -126,6 +132,8 @@ class Scene(RemadeFromFields, SceneJoints):
             object.__setattr__(self, "joint_tolerance", length)
         if others & {*_SHAPES, "ties"}:
             _check_ids(self)
+        if "settling" in others:
+            check_motions(self.settling, self.supports, self.name)
         if others & {*_SHAPES, "dead", "live"}:
             _check_loads(self)
 
@@ -263,6 +271,7 @@ class Scene(RemadeFromFields, SceneJoints):
             dead=self.dead.moved(turn, translation),
             live=self.live.moved(turn, translation),
             ties=tuple(t.moved(turn, np.asarray(translation, dtype=float)) for t in self.ties),
+            settling=tuple(x.moved(turn, np.asarray(translation)) for x in self.settling),
         )
 
     def explain(self, surface: Any = "conic", **options: Any) -> Any:
@@ -300,6 +309,7 @@ class Scene(RemadeFromFields, SceneJoints):
             units=units,
             **self._scaled_joints(force / length**2),
             ties=tuple(tie.scaled(length, force) for tie in self.ties),
+            settling=tuple(motion.scaled(length) for motion in self.settling),
             joint_tolerance=None if self.joint_tolerance is None else length * self.joint_tolerance,
         )
 

@@ -202,6 +202,14 @@ class Solution:
         return self.lower_end.load_factor, largest
 
     @property
+    def quantity_unit(self) -> str:
+        """Unit of the load factor and its bracket: none, or that of a reaction or a moment."""
+        if self.quantity == LOAD_FACTOR or self.units is None:
+            return ""
+        force, length = self.units.force, self.units.length
+        return f"{force} {length}" if " moment of " in self.quantity else force
+
+    @property
     def range_text(self) -> str:
         """The interval in words; empty if the dead load stands alone."""
         if self.interval is None:
