@@ -326,3 +326,20 @@ def test_limits_that_are_not_linear_are_named(atom: Any) -> None:
     assert found.load_factor is not None
     assert "limit 'cap' has functions as abs or max" in found.note
     assert "var" not in found.note
+
+
+def test_an_aim_of_the_load_factor_alone_is_its_multiple() -> None:
+    problem = LimitProblem(builtin_scene("arch"))
+    plain = problem.solve()
+    problem.maximise(2.0 * problem.factor)
+    found = problem.solve()
+    assert found.load_factor == pytest.approx(2.0 * plain.load_factor, rel=1e-6)
+    assert found.bracket.lower <= 2.0 * plain.upper
+
+
+@pytest.mark.skipif(not hasattr(cp.Constraint, "set_label"), reason="labels, since CVXPY 1.9")
+def test_a_printed_problem_has_names_and_no_columns_of_digits() -> None:
+    text = str(LimitProblem(builtin_scene("tuff-wall")).problem)
+    assert len(text.splitlines()) < 12
+    assert "equilibrium: A @ Hstack(n, V1, V2, MT)" in text
+    assert "var" not in text

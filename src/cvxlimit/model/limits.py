@@ -248,6 +248,8 @@ def _on_contacts(rows: sp.csr_array, resultant_map: sp.csr_array) -> sp.csr_arra
     where they are not."""
     given = sp.csr_array(rows @ resultant_map.T)
     touched = np.unique(given.indices // DOF)  # few, as a rule
+    if not len(touched):  # as an aim of the load factor alone
+        return given if not rows.nnz else None
     at, each = (DOF * touched[:, None] + np.arange(DOF)).ravel(), np.arange(len(touched) + 1)
     square = sp.coo_array(resultant_map[at] @ resultant_map[at].T)
     row, column = (np.asarray(index, np.int64) for index in square.coords)

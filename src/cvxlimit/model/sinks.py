@@ -37,7 +37,7 @@ class Constraints:
         self.unknowns: list[cp.Variable] = []
 
     def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Any:
-        unknown = cp.Variable(() if size is None else size, name=name)
+        unknown = cp.Variable(() if size is None else size, name=name or f"{self.label} bound")
         self.unknowns.append(unknown)
         if nonneg:  # a constraint of its own: it has a label, and CVXPY keeps the variable
             self.nonneg(unknown)

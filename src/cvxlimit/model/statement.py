@@ -68,8 +68,12 @@ class Statement:
         into.label = "equilibrium"
         equilibrium = self.equilibrium
         found.before = 0 if isinstance(into, Constraints) else sum(f.size for f in into.equations)
-        load = times(equilibrium.of_load(found.live), factor) + equilibrium.of_load(found.dead)
-        into.zero(equilibrium.matrix @ stacked(internal) + load)
+        matrix, dead = equilibrium.matrix, equilibrium.of_load(found.dead)
+        if isinstance(into, Constraints):  # names, for who prints the problem
+            matrix = cp.Constant(matrix, name="A")
+            dead = dead if isinstance(dead, cp.Expression) else cp.Constant(dead, name="dead")
+        load = times(equilibrium.of_load(found.live), factor) + dead
+        into.zero(matrix @ stacked(internal) + load)
         return found, goal
 
     @cached_property

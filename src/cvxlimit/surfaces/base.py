@@ -355,9 +355,11 @@ def times(coefficient: Coefficient, component: Any) -> Any:
     """A form of a sink times a coefficient."""
     if isinstance(coefficient, (int, float)):
         return component if coefficient == 1 else coefficient * component
-    if isinstance(component, cp.Expression):
-        return cp.multiply(coefficient, component)
-    return component.times(coefficient)
+    if not isinstance(component, cp.Expression):
+        return component.times(coefficient)
+    if not isinstance(coefficient, cp.Expression):  # a name, for who prints the problem
+        coefficient = cp.Constant(coefficient, name=f"[{np.size(coefficient)} numbers]")
+    return cp.multiply(coefficient, component)
 
 
 def _rows(values: Mapping[str, Any], name: str, contact: IntArray | None) -> Any:
