@@ -19,7 +19,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-from cvxlimit import Block, Load, Scene, builtin_scene, solve
+from cvxlimit import Block, Load, Scene, builtin_scene, code_check, pushover, solve
 from cvxlimit.geometry.polygons import effective_regions, torsion_arm
 from cvxlimit.plotting import PICTURES
 
@@ -271,11 +271,26 @@ def gallery(folder: Path) -> None:
         figure.savefig(folder / f"{name}.png", dpi=220)
 
 
+# --- after the collapse factor ------------------------------------------------------------------
+
+
+def path() -> plt.Figure:
+    """The arch, whose hinges move to other joints on the way."""
+    return pushover(builtin_scene("arch")).plot()
+
+
+def capacity() -> plt.Figure:
+    """What the code check reads from the path of five blocks."""
+    return code_check(pushover(builtin_scene("stack"))).plot()
+
+
 FIGURES = {
     "contact-frame": contact_frame,
     "block-frame": block_frame,
     "pressure-centre": pressure_centre,
     "readings": readings,
+    "path": path,
+    "capacity": capacity,
 }
 
 if __name__ == "__main__":

@@ -78,6 +78,8 @@ class CodeCheck:
         Spectral displacement at which the acceleration is zero, and why it is.
     slv, slc : Limit
         Both limit states; also ``d_SLV``, ``T_SLV``, ``d_SLC``, ``T_SLC``.
+    notes : tuple of str
+        Those of the path: where joints slide, its load factors depend on the step.
 
     Example
     -------
@@ -102,6 +104,7 @@ class CodeCheck:
     ends: str
     slv: Limit
     slc: Limit
+    notes: tuple[str, ...] = ()
 
     @property
     def d_SLV(self) -> float:  # noqa: N802  # the code's own names
@@ -161,7 +164,7 @@ class CodeCheck:
         rows = [(name, f"{value:.6g} {unit}", said) for name, value, unit, said in self.rows]
         wide = [max(len(row[k]) for row in rows) for k in (0, 1)]
         lines = (f"{a:{wide[0]}}  {b:{wide[1]}}  {c}" for a, b, c in rows)
-        return "\n".join([f"code check of {self.scene!r}", *lines, SOURCE])
+        return "\n".join([f"code check of {self.scene!r}", *lines, *self.notes, SOURCE])
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """The capacity curve with both limit states; with ``path``, a file.
@@ -250,7 +253,7 @@ def code_check(
         scene.name, scene.units, factor, gravity, positive(q, "q"), float(total), float(e_star),
         float(times * path.load_factor[0]), spectral * path.displacement,
         times * path.load_factor, path.pieces, float(spectral * d0), ends,
-        limit(0.4, 1.68), limit(0.6, 1.56),
+        limit(0.4, 1.68), limit(0.6, 1.56), path.notes,
     )  # fmt: skip
 
 

@@ -50,7 +50,8 @@ def curve(path: Path, **options: Any) -> Any:
             ends = [each.bracket.lower, each.bracket.upper]
             chart.axes.plot([x, x], ends, "_-", color=_BRACKET, lw=1.2, ms=9, label=label)
             label = "_"
-    chart.axes.set(xlabel=f"{_control(path)}\n{_SAID}", ylabel="load factor")
+    said = figures("sheet").lines_of(_SAID, chart.size("axes.labelsize"), 0.8 * chart.width)
+    chart.axes.set(xlabel="\n".join([_control(path), *said]), ylabel="load factor")
     chart.write(_title(path))
     chart.write_legend()
     return chart.figure
