@@ -91,6 +91,7 @@ class OwnLimits:
     ) -> None:
         every = [limit for named in limits.values() for limit in named]
         self.names, self._aim = [name for name, named in limits.items() for _ in named], aim
+        self._before: tuple[FloatArray, Any] | None = None  # numbers of rows, these on contacts
         self.problem = cp.Problem(cp.Maximize(0.0 if aim is None else aim), every)
         check_values(self.problem.parameters())
         if not self.problem.is_dcp():
@@ -196,7 +197,26 @@ class OwnLimits:
         if not self.has_rows or self.dims.soc:
             return "only linear limits have a bracket, and some of these are cones"
         cost, offset, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
-        rows = sp.vstack([sp.csr_array(-matrix), sp.csr_array(-cost[None, :])], format="csc")
+        aim = None
+        # Parameters change right-hand sides as a rule: rows on contacts are kept with their numbers
+        numbers = np.concatenate([sp.csc_array(matrix).data, np.asarray(cost)])
+        if self._before is None or not np.array_equal(self._before[0], numbers):
+            rows = sp.vstack([sp.csr_array(-matrix), sp.csr_array(-cost[None, :])], format="csc")
+            self._before = numbers, self._on_forces(rows, internal, forces, factor, load)
+        on_forces = self._before[1]
+        if isinstance(on_forces, str):
+            return on_forces
+        found, alpha = on_forces
+        if self._aim is not None:
+            aim = found[[-1]], float(alpha[-1]), -float(offset)
+        labels, zero = self._labels(), np.arange(len(right)) < self.dims.zero
+        return LinearLimits(tuple(labels), found[:-1], alpha[:-1], np.asarray(right), zero, aim)
+
+    def _on_forces(
+        self, rows: sp.csc_array, internal: Mapping[int, slice], forces: sp.csr_array,
+        factor: int, load: float,
+    ) -> tuple[sp.csr_array, FloatArray] | str:  # fmt: skip
+        """Rows on CVXPY's variables as rows on contact forces, and on the load factor."""
         whole, start = sp.lil_array((rows.shape[0], forces.shape[1])), 0
         alpha = np.zeros(rows.shape[0])
         for variable in self._compiled.variables:
@@ -211,9 +231,7 @@ class OwnLimits:
         found = _on_contacts(sp.csr_array(whole), forces)
         if found is None:
             return "limits on more than the forces of contacts have no bracket"
-        aim = None if self._aim is None else (found[[-1]], float(alpha[-1]), -float(offset))
-        labels, zero = self._labels(), np.arange(len(right)) < self.dims.zero
-        return LinearLimits(tuple(labels), found[:-1], alpha[:-1], np.asarray(right), zero, aim)
+        return found, alpha
 
     def _open(self, known: Sequence[int]) -> str:
         """Why there is no bracket with variables that are not ``known``, some of them CVXPY's."""
