@@ -265,21 +265,21 @@ def test_what_was_added_as_rows_on_forces_of_contacts() -> None:
     scene = builtin_scene("tuff-wall")
     problem, most = LimitProblem(scene), cp.Parameter(value=0.02, name="most")
     first, second, third, *_ = scene.contacts.names
-    mixed = problem.N[first] - 2.0 * problem.M1[second] + 0.1 * problem.factor
+    arm = cp.Parameter(value=2.0)
+    mixed = problem.N[first] - arm * problem.M1[second] + 0.1 * problem.factor
     problem.add("mixed", mixed <= most)
     problem.add("even", problem.V1[third] == 0.5 * problem.V1[second])
     state = problem.run(settings_for("CLARABEL"))
-    for value in (0.02, 0.03):
-        most.value = value
+    for most.value, arm.value in ((0.02, 2.0), (0.03, 2.0), (0.03, 3.0)):
         state = problem.run(settings_for("BLOCKWISE"))
         rows = problem.linear_limits()
         assert rows.names == ("even", "mixed")
         assert rows.is_equation.tolist() == [True, False]
         left = rows.matrix @ state.forces.ravel() + rows.factor * state.load_factor
         k = scene.contacts.names.index
-        said = state.forces[k(first), 2] - 2.0 * state.forces[k(second), 3]
+        said = state.forces[k(first), 2] - arm.value * state.forces[k(second), 3]
         assert left[1] == pytest.approx(said + 0.1 * state.load_factor, rel=1e-9)
-        assert rows.right.tolist() == pytest.approx([0.0, value])
+        assert rows.right.tolist() == pytest.approx([0.0, most.value])
         assert left[0] == pytest.approx(0.0, abs=1e-7)
         # u . f_L + multipliers . factor = 1, and -u . f_D + multipliers . right = load factor
         multipliers = state.own["multipliers"]
