@@ -456,6 +456,8 @@ def _refuse(scene: Scene) -> None:
     for load, name in ((scene.dead, "dead"), (scene.live, "live")):
         if load.pressures:
             has = has or f"pressures in the {name} load, as on block {load.pressures[0].block!r}"
+        if load.growing:
+            has = has or f"inertia that grows with height in the {name} load"
         for block, force in load.forces.items():
             if any(force[3:]):
                 has = has or f"moments in the {name} load, as on block {block!r}"
