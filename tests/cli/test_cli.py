@@ -723,6 +723,13 @@ def test_import_names_all_that_is_missing_and_speaks_of_options(run: Run, tmp_pa
         assert "joint_tolerance" not in outcome[2]
     table.write_text(table.read_text().replace("1.0000001", "1.5").replace("b,0,0,1", "b,0,0,0.9"))
     assert_refused(run(*asked), "or raise --joint-tolerance if")
+    table.write_text("id,xmin,ymin,zmin,xmax,ymax,zmax\ng,0,0,0,1,1,1\nb,0,0,1,1,1,2\n")
+    bare = run("import", str(table))[2]
+    for name in ("output", "length-unit", "up", "friction", "live", "supports", "density"):
+        assert f"--{name} " in bare  # all seven, at once
+    both = run(*asked)[2]
+    assert "--supports lowest" in both
+    assert "--density" in both
 
 
 @pytest.mark.parametrize("verb", ["solve", "explain", "show", "domain"])

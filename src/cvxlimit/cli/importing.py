@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,9 @@ from cvxlimit.cli.report import (
     show,
     warn_of_geometry,
 )
-from cvxlimit.errors import GeometryError, InputError
+from cvxlimit.errors import GeometryError, InputError, ModelError
 from cvxlimit.io import Imported, import_geometry, write_scene
-from cvxlimit.io.geometry.importing import sketch
+from cvxlimit.io.geometry.importing import bodies_in, sketch, unstated
 from cvxlimit.io.geometry.supports import LOWEST
 from cvxlimit.plotting import plot_scene
 from cvxlimit.scene import Scene
@@ -91,8 +92,10 @@ _NEEDED = {
     "up": "x, y or z: the axis that points up",
     "friction": "the Coulomb coefficient of the joints",
     "live": "X,Y,Z: the live load in multiples of every block's weight",
+    "supports": "lowest, or ids with commas between them: the blocks that are fixed",
+    "density": "G: the weight per volume",
 }
-"""What files do not say, and where the scene goes."""
+"""Where the scene goes, and what files do not say; the last two some do."""
 
 
 _OPTIONS = re.compile(
@@ -112,8 +115,10 @@ def import_command(asked: Geometry) -> ExitCode:
     Needed are --output, --length-unit, --up, --friction and --live; --density and --supports where
     the files have none.
     """
-    missing = [name for name in _NEEDED if getattr(asked, name) is None]
+    missing = [name for name in [*_NEEDED][:-2] if getattr(asked, name) is None]
     if missing:
+        with suppress(InputError, ModelError):  # of the files, which come next
+            missing += unstated(bodies_in(asked.geometry), asked.density, asked.supports)
         given = ", and ".join(f"{_spelt(name)} {_NEEDED[name]}" for name in missing)
         why = "" if missing == ["output"] else "; files do not say and none is guessed"
         raise InputError(f"give {given}{why}")

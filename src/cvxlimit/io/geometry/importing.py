@@ -146,13 +146,18 @@ def import_geometry(
     """
     with refusals():
         _check_asked(up, joint_tolerance)
-        files = _files([paths] if isinstance(paths, str | os.PathLike) else list(paths))
-        notes: list[str] = []
+        files, notes = _files(paths), list[str]()
         bodies = _named(files, notes)
         _check_coordinates(bodies)
         blurred, is_single_precision = too_few_digits(bodies), is_single(bodies)
         bodies, unit = _converted(bodies, length_unit, to_unit)
         bodies = _with_densities(bodies, density, density_factor, files, notes)
+        if len(unstated(bodies, density, supports)) > 1:
+            raise InputError(
+                "no file marks supports or states densities: say which blocks are fixed "
+                "(--supports lowest, or their ids with commas between them), and give --density "
+                "(weight per volume)"
+            )
         axis = np.eye(3)[AXES.index(up)]
         try:
             fixed = supports_of(bodies, supports, axis, notes)
@@ -284,11 +289,20 @@ READERS: dict[str, Callable[[Path], list[Body]]] = {
 """Reader by suffix: add a format with one line."""
 
 
-def _files(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    if not paths:
+Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+
+
+def bodies_in(paths: Paths) -> list[Body]:
+    """All bodies of files and folders, by name."""
+    return _named(_files(paths), [])
+
+
+def _files(paths: Paths) -> list[Path]:
+    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    if not given:
         raise InputError("no geometry is given: name a file or a folder")
     result = []
-    for path in map(Path, paths):
+    for path in map(Path, given):
         if not path.is_dir():
             result.append(path)
             continue
@@ -363,6 +377,16 @@ def _with_densities(
         body if body.density is None else replace(body, density=times * body.density)
         for body in bodies
     ]
+
+
+def unstated(
+    bodies: Sequence[Body], density: float | None, supports: str | Sequence[str] | None
+) -> list[str]:
+    """What neither files nor arguments say, of supports and density."""
+    is_fixed = [body.is_support or is_sheet(body) for body in bodies]
+    loose = [body for body, fixed in zip(bodies, is_fixed, strict=True) if not fixed]
+    lacks = density is None and any(body.density is None for body in loose)
+    return ["supports"] * (supports is None and len(loose) == len(bodies)) + ["density"] * lacks
 
 
 def _with_slabs(bodies: list[Body], fixed: set[str], notes: list[str]) -> list[Body]:
