@@ -96,6 +96,34 @@ def path_table(path: Path) -> Any:
     return path_table(path)
 
 
+def solution_sensitivity(solution: Solution) -> Any:
+    """:meth:`cvxlimit.Solution.sensitivity`."""
+    from cvxlimit.readings.sensitivity import sensitivity
+
+    return sensitivity(solution)
+
+
+def sensitivity_table(found: Any, what: str) -> Any:
+    """:meth:`cvxlimit.readings.sensitivity.Sensitivity.to_dataframe`."""
+    from cvxlimit.plotting.frames import sensitivity_table
+
+    return sensitivity_table(found, what)
+
+
+def sensitivity_sides(found: Any, change: Any, step: float) -> tuple[float, float]:
+    """:meth:`cvxlimit.readings.sensitivity.Sensitivity.both_sides`."""
+    from cvxlimit.methods.solving import solve
+
+    solution: Solution = found.solution
+    surfaces: Any = solution.surfaces or solution.surface
+    at = [
+        solution.load_factor if way == 0 else solve(change(way * step), surfaces).load_factor
+        for way in (-1, 0, 1)
+    ]
+    low, middle, high = (float("nan") if factor is None else factor for factor in at)
+    return (middle - low) / step, (high - middle) / step
+
+
 def solution_problem(solution: Solution) -> LimitProblem:
     """:attr:`cvxlimit.Solution.problem`."""
     found = LimitProblem(solution.drawn_scene, solution.surfaces or solution.surface)

@@ -219,6 +219,13 @@ class Order:
         "FILE", "Contacts with their forces (.csv), or the blocks (.obj, .glb).", group=OUTPUT
     )
     report: Path | None = report_option()
+    sensitivity: bool = option(
+        "",
+        "Say what friction, weights and moves of stones change, by derivatives from the proof.",
+        False,
+        "--sensitivity",
+        group=OUTPUT,
+    )
     tolerance: float | None = option(
         "WIDTH",
         "Relative width of the bracket, or change at which iterations stop. Unless given: 1e-5; "
@@ -263,7 +270,11 @@ def solve_command(order: Order) -> ExitCode:
 
     with _prints_on_stderr() if files.is_piped else nullcontext():
         scene, solution = interruptible(solved)
-    return deliver(scene, order.scene, solution, files, order.tolerance)
+    code = deliver(scene, order.scene, solution, files, order.tolerance)
+    if order.sensitivity and solution.status.has_answer:
+        with redirect_stdout(sys.stderr) if files.is_piped else nullcontext():
+            show(Text(), facts(solution.sensitivity().rows))
+    return code
 
 
 @contextmanager

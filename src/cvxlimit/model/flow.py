@@ -93,7 +93,10 @@ class _Forms:
 
 
 class StrengthRows:
-    """Conditions of several surfaces, and of a model itself, as rows on its internal forces."""
+    """Conditions of several surfaces, and of a model itself, as rows on its internal forces.
+
+    ``conditions`` are cones, the rows of ``resistance``, and those of every norm in ``norms``.
+    """
 
     def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel) -> None:
         self.model, stated = model, model.strength(surfaces)
@@ -105,24 +108,24 @@ class StrengthRows:
                 norms += zip(norm.weighted_rows, repeat(condition.contact))
         forces, _ = model.unknowns(into := Rows())
         size = len(model.contacts), into.width
-        self._resistance, self._norms = (_Forms(forces, size, f) for f in (resistances, norms))
-        self._conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
-        places = iter(self._norms.places)
-        for (_, condition, cone), where in zip(stated, self._resistance.places, strict=True):
+        self.resistance, self.norms = (_Forms(forces, size, f) for f in (resistances, norms))
+        self.conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
+        places = iter(self.norms.places)
+        for (_, condition, cone), where in zip(stated, self.resistance.places, strict=True):
             rows = [list(islice(places, len(norm.rows))) for norm in condition.norms]
-            self._conditions.append((cone, where, rows))
+            self.conditions.append((cone, where, rows))
 
     def excess(self, internal: FloatArray) -> list[tuple[FloatArray, IntArray]]:
         """Yield functions of internal forces (p,), and the contact of every entry, one pair per
         condition; <= 0 is admissible."""
-        resistance = self._resistance.matrix @ internal + self._resistance.constant
-        sizes = self._norms.matrix @ internal + self._norms.constant
+        resistance = self.resistance.matrix @ internal + self.resistance.constant
+        sizes = self.norms.matrix @ internal + self.norms.constant
         found = []
-        for cone, where, norms in self._conditions:
+        for cone, where, norms in self.conditions:
             y = -resistance[where]
             for norm in norms:
                 y = y + cone.gauge([sizes[row] for row in norm])
-            found.append((y, self._resistance.contact[where]))
+            found.append((y, self.resistance.contact[where]))
         return found
 
 
@@ -156,21 +159,21 @@ class FlowRule(StrengthRows):
         # Norm rows of conditions whose resistance grows with forces of any sign are coupled. Their
         # multipliers change rates that must agree exactly, so their flows are left as proposed and
         # the others make up for them.
-        self._is_linear = np.zeros(self._resistance.size, dtype=bool)
-        self._is_coupled = np.zeros(self._norms.size, dtype=bool)
-        free = np.diff(self._resistance.matrix[:, self._free].indptr)
-        for _, where, rows in self._conditions:
+        self._is_linear = np.zeros(self.resistance.size, dtype=bool)
+        self._is_coupled = np.zeros(self.norms.size, dtype=bool)
+        free = np.diff(self.resistance.matrix[:, self._free].indptr)
+        for _, where, rows in self.conditions:
             self._is_linear[where] = not rows
             for row in chain(*rows):
                 self._is_coupled[row] = free[where].any()
         is_open = self._is_linear.any() or self._is_coupled.any()
-        self._is_unique = not is_open and self._norms.size <= len(self._free)
-        self._nothing = np.zeros(self._norms.size), np.zeros(self._resistance.size)
+        self._is_unique = not is_open and self.norms.size <= len(self._free)
+        self._nothing = np.zeros(self.norms.size), np.zeros(self.resistance.size)
 
     @cached_property
     def _loose(self) -> sp.csr_array:
         """Norm rows that are not coupled, on the free rates."""
-        rows = self._norms.matrix[:, self._free]
+        rows = self.norms.matrix[:, self._free]
         return rows.multiply(~self._is_coupled[:, None]).tocsr() if self._is_coupled.any() else rows
 
     def symbolic(self, rates: cp.Expression, unit: FloatArray | None = None) -> SymbolicFlow:
@@ -178,7 +181,7 @@ class FlowRule(StrengthRows):
         which ``unit`` (n,) divides contact by contact."""
         sides: list[Any] = []
         rest, lost = rates, cp.Constant(0.0)
-        for sign, rows in ((1.0, self._resistance), (-1.0, self._norms)):
+        for sign, rows in ((1.0, self.resistance), (-1.0, self.norms)):
             if not rows.size:
                 sides.append(None)
                 continue
@@ -188,7 +191,7 @@ class FlowRule(StrengthRows):
             lost = lost + sign * (rows.constant / per) @ sides[-1]
         multipliers, flows = sides
         into = Constraints()
-        for cone, where, norms in self._conditions:
+        for cone, where, norms in self.conditions:
             for norm in norms:
                 cone.polar_epigraph(into, multipliers[where], [flows[row] for row in norm])
         if len(self._free):
@@ -219,7 +222,7 @@ class FlowRule(StrengthRows):
         self, rates: FloatArray, flows: FloatArray, multipliers: FloatArray
     ) -> Shortfall:
         """Complete proposed flows to exact ones with the least change, measure what is left."""
-        norms, resistance = self._norms, self._resistance
+        norms, resistance = self.norms, self.resistance
         rest, held = rates, np.where(self._is_coupled, flows, 0.0)
         if multipliers.any():
             rest = rest - resistance.transposed @ np.where(self._is_linear, multipliers, 0.0)
@@ -243,8 +246,8 @@ class FlowRule(StrengthRows):
         return Shortfall(missing, unresisted, float(lost.sum()), lost, multipliers)
 
     def _multipliers(self, flows: FloatArray) -> FloatArray:
-        result = np.zeros(self._resistance.size)
-        for cone, where, norms in self._conditions:
+        result = np.zeros(self.resistance.size)
+        for cone, where, norms in self.conditions:
             for norm in norms:
                 size = cone.polar_gauge([flows[row] for row in norm])
                 result[where] = np.maximum(result[where], size)
@@ -288,7 +291,7 @@ class FlowRule(StrengthRows):
     @cached_property
     def _strength(self) -> FloatArray:
         result = np.zeros(len(self.model.contacts))
-        for rows in (self._resistance, self._norms):
+        for rows in (self.resistance, self.norms):
             np.add.at(result, rows.contact, np.abs(rows.constant))
         return result
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.scene import Scene
 
@@ -51,7 +51,7 @@ class Mortar:
                 f"cohesion over friction, {contacts.cohesion[j]:g} / {contacts.friction[j]:g}: "
                 "Mohr-Coulomb's cone ends there; give more cohesion or less tensile strength"
             )
-        pull = tension * contacts.area
+        pressed, pull = without_tension(contacts)
         forces = np.zeros((len(pull), len(COMPONENTS)))
         forces[:, COLUMN["N"]] = pull
         extra = -(Statics.of(scene).matrix @ forces.ravel()).reshape(-1, DOF)
@@ -59,11 +59,6 @@ class Mortar:
         for i, force in zip(scene.free, extra, strict=True):
             key = scene.blocks[i].id
             own[key] = tuple(np.array(own.get(key, np.zeros(DOF))) + force)
-        pressed = contacts.with_values(
-            cohesion=np.maximum(cohesion, 0.0),
-            compressive_strength=contacts.compressive_strength + tension,
-            tensile_strength=0.0,
-        )
         pulled = scene.with_dead(replace(scene.dead, forces=own))
         return cls(pulled._with_contacts(pressed), pull)
 
@@ -71,3 +66,14 @@ class Mortar:
         result = np.array(forces)
         result[:, COLUMN["N"]] -= self.pull
         return result
+
+
+def without_tension(contacts: Contacts) -> tuple[Contacts, FloatArray]:
+    """The contacts without tensile strength that stand for some with, and their ``pull`` (n,)."""
+    tension = contacts.tensile_strength
+    pressed = contacts.with_values(
+        cohesion=np.maximum(contacts.cohesion - contacts.friction * tension, 0.0),
+        compressive_strength=contacts.compressive_strength + tension,
+        tensile_strength=0.0,
+    )
+    return pressed, tension * contacts.area

@@ -14,6 +14,8 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
 from cvxlimit.paths.path import PROVES, Path
 from cvxlimit.plotting.movement import motion
+from cvxlimit.readings.derivatives import JOINTS
+from cvxlimit.readings.sensitivity import Sensitivity
 from cvxlimit.readings.utilisation import BENDING, contact_forces, utilisations
 from cvxlimit.scene import Scene, Units
 from cvxlimit.solution import Iterate, Solution
@@ -37,12 +39,16 @@ def table_of(solution: Solution, what: str) -> DataFrame:
         index, columns = _read(solution, what)
     else:
         index, columns = _TABLES[what](solution, solution.drawn_scene)
-    table = pandas.DataFrame(
+    return _table(pandas, index, columns, what.removesuffix("s"), _facts(solution))
+
+
+def _table(pandas: Any, index: Any, columns: Columns, name: str | None, facts: Any) -> DataFrame:
+    table: DataFrame = pandas.DataFrame(
         {name: values for name, (values, _, _) in columns.items()},
-        index=pandas.Index(index, name=what.removesuffix("s")),
+        index=None if index is None else pandas.Index(index, name=name),
     )
     table.attrs = {
-        **_facts(solution),
+        **facts,
         "units": {name: unit for name, (_, unit, _) in columns.items() if unit},
         "description": {name: text for name, (_, _, text) in columns.items()},
     }
@@ -64,13 +70,91 @@ def path_table(path: Path) -> DataFrame:
         "residual": ([c.residual for c in path], "", "last movement over the contact size"),
         "iterates": ([c.iterates for c in path], "", "convex problems solved"),
     }  # fmt: skip
-    table = pandas.DataFrame({name: values for name, (values, _, _) in columns.items()})
-    table.attrs = {
-        "status": path.status, "reason": path.reason, "snaps": path.snaps, "proof": PROVES,
-        "units": {name: unit for name, (_, unit, _) in columns.items() if unit},
-        "description": {name: text for name, (_, _, text) in columns.items()},
+    facts = {"status": path.status, "reason": path.reason, "snaps": path.snaps, "proof": PROVES}
+    return _table(pandas, None, columns, None, facts)
+
+
+def sensitivity_table(found: Sensitivity, what: str) -> DataFrame:
+    """See :meth:`Sensitivity.to_dataframe`."""
+    made = {"contacts": _by_contact, "blocks": _by_block, "vertices": _by_vertex, "loads": _by_load}
+    if what not in made:
+        raise InputError(f"there is no table {what!r}: choose one of {', '.join(made)}")
+    pandas = needed("pandas", "frames", "tables")
+    index, columns = made[what](found, found.solution.drawn_scene)
+    name = {"vertices": "block"}.get(what, what.removesuffix("s"))
+    return _table(pandas, index, columns, name, {**_facts(found.solution), "note": found.note})
+
+
+_SIDES = "slopes upwards and downwards differ, and these are between them: see both_sides"
+
+
+def _by_contact(found: Sensitivity, scene: Scene) -> tuple[list[str], Columns]:
+    columns: Columns = {}
+    stress = f"{scene.units.length}\u00b2/{scene.units.force}"
+    for name in JOINTS:
+        text, unit = name.replace("_", " "), "" if name == "friction" else stress
+        columns[f"by_{name}"] = getattr(found, name), unit, f"load factor per unit of its {text}"
+        if found.solution.load_factor:
+            columns[f"elasticity_{name}"] = (
+                found.elasticity(name), "", f"per cent of the load factor for 1 % of its {text}",
+            )  # fmt: skip
+    sides = np.any([found.one_sided[name] for name in JOINTS], axis=0)
+    columns["is_one_sided"] = sides, "", _SIDES
+    return list(scene.contacts.names), columns
+
+
+def _by_block(found: Sensitivity, scene: Scene) -> tuple[list[str], Columns]:
+    force, moment = f"1/{scene.units.force}", f"1/({scene.units.force}\u00b7{scene.units.length})"
+
+    def of_all(values: FloatArray) -> FloatArray:
+        result = np.zeros((len(scene.blocks), *values.shape[1:]))
+        result[scene.free] = values
+        return result
+
+    columns: Columns = {
+        "by_weight": (of_all(found.weight), force, "load factor per unit of weight")
+    }
+    if found.solution.load_factor:
+        text = "per cent of the load factor per per cent of the weight"
+        columns["elasticity_weight"] = of_all(found.elasticity("weight")), "", text
+    for case in ("dead", "live"):
+        by = of_all(getattr(found, case))
+        text = f"load factor per unit of a further {case} {{}} at the centroid"
+        columns |= _along(f"by_{case}_f", by[:, :3], force, text.format("force along {}"))
+        columns |= _along(f"by_{case}_m", by[:, 3:], moment, text.format("moment about {}"))
+    text = "load factor per length by which the block alone moves along {}"
+    columns |= _along("by_move_", found.moves, f"1/{scene.units.length}", text)
+    return [b.id for b in scene.blocks], columns
+
+
+def _by_vertex(found: Sensitivity, scene: Scene) -> tuple[list[str], Columns]:
+    every = [(b.id, i) for b in scene.blocks for i in range(len(b.vertices))]
+    at = np.concatenate([b.vertices for b in scene.blocks])
+    by = np.concatenate([found.vertices[b.id] for b in scene.blocks])
+    shared = np.concatenate([found.shared[b.id] for b in scene.blocks])
+    per = f"1/{scene.units.length}"
+    columns: Columns = {
+        "vertex": ([i for _, i in every], "", "its number in the block"),
+        **_along("", at, scene.units.length, "{} of the vertex"),
+        **_along("by_", by, per, "load factor per length by which the vertex moves along {}"),
+        "is_shared": (shared, "", "on an edge where two blocks end together: the mean of moving it "
+                      "in and out, and with all that move along the sum"),
+        "is_one_sided": (found.one_sided["vertices"], "", _SIDES),
     }  # fmt: skip
-    return table
+    return [name for name, _ in every], columns
+
+
+def _by_load(found: Sensitivity, scene: Scene) -> tuple[list[int], Columns]:
+    texts = {
+        "case": "dead or live", "kind": "as Load names it", "block": "on which it acts, or all",
+        "component": "of force, moment, multiple of weight, or point of application",
+        "value": "as given", "derivative": "load factor per unit of the value",
+    }  # fmt: skip
+    columns: Columns = {
+        name: ([getattr(row, name) for row in found.loads], "", text)
+        for name, text in texts.items()
+    }
+    return [*range(len(found.loads))], columns
 
 
 def _read(solution: Solution, what: str) -> tuple[list[str], Columns]:

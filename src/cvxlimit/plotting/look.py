@@ -70,14 +70,14 @@ USE_TEXT = "share of strength in use"
 
 
 def used_colour(share: float) -> str:
-    return "#" + "".join(f"{round(255 * c):02x}" for c in _mixed(USE_STOPS, share).tolist())
+    return "#" + "".join(f"{round(255 * c):02x}" for c in mixed(USE_STOPS, share).tolist())
 
 
 def rgb(colour: str) -> FloatArray:
     return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
 
 
-def _mixed(stops: Sequence[str], share: FloatArray | float) -> FloatArray:
+def mixed(stops: Sequence[str], share: FloatArray | float) -> FloatArray:
     known = np.array([rgb(c) for c in stops])
     at = np.linspace(0.0, 1.0, len(known))
     return np.stack([np.interp(share, at, column) for column in known.T], axis=-1)
@@ -87,13 +87,16 @@ def block_colours(
     scene: Scene, motion: Motion, culprits: frozenset[str] = frozenset(), stone: str = STONE_COLOUR
 ) -> FloatArray:
     if motion.moves:
-        colours = _mixed(SPEED_STOPS, motion.speed)
+        colours = mixed(SPEED_STOPS, motion.speed)
     else:
         colours = np.tile(rgb(stone), (len(scene.blocks), 1))
     colours[np.setdiff1d(np.arange(len(colours)), scene.free)] = rgb(SUPPORT_COLOUR)
     colours[[block.id in culprits for block in scene.blocks]] = rgb(CULPRIT_COLOUR)
     return colours
 
+
+NOTHING = 1e-6
+"""Of a load factor, a change that is rounding."""
 
 SLOW = 0.05
 """Joints that move by less than this share of the fastest are not drawn: where sliding dilates,

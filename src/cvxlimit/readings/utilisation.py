@@ -33,7 +33,7 @@ def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
     Strength that a formulation states itself is no surface. Refused if the solution has lost
     surfaces of one's own."""
     contacts, forces = scene.contacts, contact_forces(scene, solution)
-    solved = _solved_with(solution)
+    solved = solved_with(solution)
     built_in = (Rocking(), Sliding(), Torsion(), TorsionShear())
     asked: dict[str, YieldSurface] = {_column(s.name): s for s in (*built_in, *solved)}
     counted = [_column(surface.name) for surface in solved]
@@ -76,7 +76,7 @@ def least_used_state(
     found = None
     if is_plain:
         factor = solution.lower if load_factor is None else load_factor
-        found = least_used(scene, _solved_with(solution), factor, forces)
+        found = least_used(scene, solved_with(solution), factor, forces)
     at = "at collapse" if load_factor is None else f"at load factor {load_factor:g}"
     if found is not None:
         return replace(solution, forces=found), f"{at}, in the state that uses joints least"
@@ -123,7 +123,7 @@ def _column(surface: str) -> str:
     return "utilisation_" + str(surface).replace("-", "_").replace(" ", "_")
 
 
-def _solved_with(solution: Solution) -> tuple[YieldSurface, ...]:
+def solved_with(solution: Solution) -> tuple[YieldSurface, ...]:
     found = solution.surfaces or surfaces_named(solution.surface, solution.torsion_shear)
     if found is None:
         raise InputError(

@@ -336,6 +336,32 @@ class Solution:
         found: Solution = attached("solution_first_look")(self, progress)
         return found
 
+    def sensitivity(self) -> Any:
+        """What the load factor gains per unit of friction, strength, weight, load, and position of
+        every vertex: from the forces and the mechanism of this solution, without another solve.
+
+        Returns
+        -------
+        Sensitivity
+            :class:`cvxlimit.readings.sensitivity.Sensitivity`: arrays, ``elasticity``,
+            ``to_dataframe``; its ``note`` says what the derivatives rest on.
+
+        Raises
+        ------
+        InputError
+            For a solution without its scene, forces or mechanism, and for one that is no optimum
+            of one convex problem: with interaction, without dilatancy.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene, solve
+        >>> found = solve(builtin_scene("tuff-wall")).sensitivity()
+        >>> slopes, shares = found.friction, found.elasticity("friction")
+        >>> round(float(slopes.sum()), 4), round(float(shares.sum()), 2)
+        (0.9816, 1.18)
+        """
+        return attached("solution_sensitivity")(self)
+
     def to_dataframe(self, what: Table = "contacts") -> DataFrame:
         """The results as a table: a row per contact, per block, or per solve.
 

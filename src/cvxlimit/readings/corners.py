@@ -1,0 +1,250 @@
+"""How contacts follow vertices of blocks: corners, planes, volumes, centroids, to first order.
+
+A contact is the overlap of a facet of either block, projected on the mean of their planes. So its
+corners lie where two edges cross, each of one facet or, where two blocks end together, of both;
+such an edge follows both by half, the mean of what moving one of them in and out does. Its normal
+and its height are the means of the two facets'. Joints that gape, or faces that are warped, by a
+share s of their size are followed to s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.facing import FacetTable
+from cvxlimit.geometry.mesh import fan
+from cvxlimit.geometry.polygons import united
+
+_ON = 1e-6
+"""Of a contact's size, how near a point counts as on an edge: vertices of two blocks that are this
+near came from the same corner, written with six digits."""
+
+_ALONG = 1e-6
+"""Sine of the angle below which edges are parallel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """The points of all contacts: corners of their hulls, and of their pieces where these are not
+    the hull. ``start`` (n + 1,) says which of the ``points`` (m, 2) belong to which contact,
+    ``corner`` (corners,) which of them are the hull's; ``pieces`` are rows of ``points`` too."""
+
+    contacts: Contacts
+    start: IntArray
+    points: FloatArray
+    corner: IntArray
+    pieces: dict[int, list[IntArray]]
+
+    @classmethod
+    def of(cls, contacts: Contacts) -> Shapes:
+        start, points, corner = [0], [], []
+        pieces: dict[int, list[IntArray]] = {}
+        for j in range(len(contacts)):
+            polygons = [contacts.corners_of(j), *contacts.pieces.get(j, ())]
+            own, place = np.concatenate(polygons), np.arange(sum(map(len, polygons)))
+            if len(polygons) > 1:
+                near = np.round(own / (_ON * float(np.sqrt(contacts.area[j]))))
+                _, first, place = np.unique(near, axis=0, return_index=True, return_inverse=True)
+                own = own[first]
+            rows = np.split(start[-1] + place.ravel(), np.cumsum([*map(len, polygons)])[:-1])
+            corner.append(rows[0])
+            if len(rows) > 1:
+                pieces[j] = rows[1:]
+            points.append(own)
+            start.append(start[-1] + len(own))
+        return cls(
+            contacts, np.array(start), np.concatenate(points), np.concatenate(corner), pieces
+        )
+
+    def moved(self, shift: FloatArray) -> Contacts:
+        """The contacts after their points have moved by ``shift`` (m, 2) in their planes."""
+        c, points = self.contacts, self.points + shift
+        xy = points[self.corner]
+        ahead = np.arange(1, len(xy) + 1)
+        ahead[c.corner_start[1:] - 1] = c.corner_start[:-1]
+        doubled = xy[:, 0] * xy[ahead, 1] - xy[:, 1] * xy[ahead, 0]
+        add = np.add.reduceat
+        area = add(doubled, c.corner_start[:-1]) / 2.0
+        middle = add(doubled[:, None] * (xy + xy[ahead]), c.corner_start[:-1]) / 6.0
+        middle /= area[:, None]
+        pieces = {}
+        for j, parts in self.pieces.items():
+            polygons = [points[rows] for rows in parts]
+            _, area[j], middle[j] = united(polygons)
+            pieces[j] = tuple(polygon - middle[j] for polygon in polygons)
+        # of a rectangle each side is the mean of two opposite ones, which has the same slope
+        sign = np.sign(c.corner_xy)
+        number = np.diff(c.corner_start)[:, None]
+        sides = 2.0 * add(sign * xy, c.corner_start[:-1]) / number
+        return replace(
+            c,
+            origin=c.origin + np.einsum("ni,nix->nx", middle, c.axes[:, :2]),
+            corner_xy=xy - middle[c.corner_contact],
+            sides=np.where(c.is_rectangle[:, None], sides, np.nan),
+            area=area,
+            pieces=pieces,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Follows:
+    """How contact ``contact`` follows vertices ``vertex`` (k,) of block ``block``: its points
+    ``in_plane`` (points, k, 2, 2), its height ``height`` (k,) and its normal ``tilt`` (k, 3) per
+    displacement along the normal. ``shares`` (k,) are vertices of edges of both blocks."""
+
+    contact: int
+    block: int
+    vertex: IntArray
+    in_plane: FloatArray
+    height: FloatArray
+    tilt: FloatArray
+    shares: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Facet:
+    """Loops of vertices that tile a facet; its edges (e, 2) without those between two loops."""
+
+    points: FloatArray
+    loops: Sequence[Sequence[int]]
+
+    @property
+    def edges(self) -> IntArray:
+        every = {(loop[i - 1], loop[i]) for loop in self.loops for i in range(len(loop))}
+        return np.array([(i, k) for i, k in sorted(every) if (k, i) not in every])
+
+    def plane(self, vertex: IntArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Height at a point (k,) and change of the unit normal (k, 3), for displacements of
+        vertices along the normal."""
+        whole, weight = np.zeros(3), []
+        turned, middle = np.zeros((len(self.points), 3)), np.zeros(3)
+        for loop in self.loops:
+            p = self.points[list(loop)]
+            vector = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0) / 2.0
+            whole += vector
+            weight.append(float(np.linalg.norm(vector)))
+            middle += weight[-1] * p.mean(axis=0)
+        size, total = float(np.linalg.norm(whole)), sum(weight)
+        normal, share = whole / size, np.zeros(len(self.points))
+        for loop, own in zip(self.loops, weight, strict=True):
+            p = self.points[list(loop)]
+            chord = np.roll(p, -1, axis=0) - np.roll(p, 1, axis=0)
+            turned[list(loop)] += np.cross(normal, chord) / (2.0 * size)
+            share[list(loop)] += own / total / len(loop)
+        return share[vertex] - turned[vertex] @ (at - middle / total), turned[vertex]
+
+
+def followed(shapes: Shapes, blocks: Sequence[Block], table: FacetTable) -> Iterator[Follows]:
+    """How every contact follows the vertices of both of its blocks; contacts of ties, and any whose
+    faces are not found, follow none."""
+    c = shapes.contacts
+    start = np.searchsorted(table.block, np.arange(len(blocks) + 1))
+    index = [{p.tobytes(): i for i, p in enumerate(block.vertices)} for block in blocks]
+    for j in range(len(c)):
+        sides = []
+        for block, outward in ((int(c.a[j]), c.axes[j, 2]), (int(c.b[j]), -c.axes[j, 2])):
+            rows = np.arange(start[block], start[block + 1])
+            corners = c.origin[j] + c.corners_of(j) @ c.axes[j, :2]
+            off = np.abs(
+                np.einsum("mkc,mc->mk", corners - table.point[rows, None], table.normal[rows])
+            ).max(axis=1)
+            off[table.normal[rows] @ outward < 0.9] = np.inf
+            best = rows[off.argmin()]
+            if off.min() > 0.1 * np.sqrt(c.area[j]):
+                break
+            loops = [
+                [index[block][p.tobytes()] for p in table.corners[row, : table.sides[row]]]
+                for row in rows[table.facet[rows] == table.facet[best]]
+            ]
+            sides.append((block, _Facet(blocks[block].vertices, loops)))
+        if len(sides) == 2:
+            yield from _both(shapes, j, sides)
+
+
+def _both(shapes: Shapes, j: int, sides: Sequence[tuple[int, _Facet]]) -> Iterator[Follows]:
+    c, rows = shapes.contacts, slice(shapes.start[j], shapes.start[j + 1])
+    points, near = shapes.points[rows], _ON * float(np.sqrt(c.area[j]))
+    # all edges that pass through points: point, inward normal, whose, its ends, share of the second
+    lines: list[list[tuple[FloatArray, int, int, int, float]]] = [[] for _ in points]
+    for side, (_, facet) in enumerate(sides):
+        flat = (facet.points - c.origin[j]) @ c.axes[j, :2].T
+        for i, k in facet.edges.tolist():
+            along = flat[k] - flat[i]
+            length = float(np.linalg.norm(along))
+            if length <= near:
+                continue
+            normal = np.array([-along[1], along[0]]) / length
+            part = (points - flat[i]) @ along / length**2
+            on = np.abs((points - flat[i]) @ normal) <= near
+            on &= (part >= -near / length) & (part <= 1.0 + near / length)
+            for p in np.flatnonzero(on).tolist():
+                lines[p].append((normal, side, i, k, float(part[p])))
+    vertex = [np.unique([i for loop in facet.loops for i in loop]) for _, facet in sides]
+    found = [np.zeros((len(points), len(v), 2, 2)) for v in vertex]
+    shares = [np.zeros(len(v), dtype=bool) for v in vertex]
+    place = [{int(i): k for k, i in enumerate(v)} for v in vertex]
+    ends = _neighbours(shapes, j)
+    for p, through in enumerate(lines):
+        groups: list[list[tuple[FloatArray, int, int, int, float]]] = []
+        for line in through:
+            for group in groups:
+                if abs(_sine(group[0][0], line[0])) < _ALONG:
+                    group.append(line)
+                    break
+            else:
+                groups.append([line])
+        if len(groups) > 2 and p in ends:  # those along the contact's own edges
+            groups = sorted(groups, key=lambda g: min(abs(g[0][0] @ way) for way in ends[p]))[:2]
+        if not groups:
+            continue
+        moves = np.linalg.pinv(np.array([group[0][0] for group in groups]))
+        for column, group in zip(moves.T, groups, strict=True):
+            way, owners = group[0][0], {line[1] for line in group}
+            for _, side, i, k, part in group:
+                share = 1.0 / len(owners) / sum(line[1] == side for line in group)
+                for end, weight in ((i, 1.0 - part), (k, part)):
+                    at = place[side][end]
+                    found[side][p, at] += share * weight * np.outer(column, way)
+                    shares[side][at] |= len(owners) == 2 and weight > _ON
+    for side, (block, facet) in enumerate(sides):
+        height, tilt = facet.plane(vertex[side], c.origin[j])
+        # each plane is one of two; that b's normal and its changes point the other way cancels
+        half = 0.5 * height, 0.5 * tilt
+        yield Follows(j, block, vertex[side], found[side], *half, shares[side])
+
+
+def _sine(one: FloatArray, other: FloatArray) -> float:
+    return float(one[0] * other[1] - one[1] * other[0])
+
+
+def _neighbours(shapes: Shapes, j: int) -> dict[int, list[FloatArray]]:
+    """Unit vectors along both edges of the hull at its corners, by point of the contact."""
+    c = shapes.contacts
+    rows = shapes.corner[c.corner_start[j] : c.corner_start[j + 1]] - shapes.start[j]
+    xy = c.corners_of(j)
+    back, ahead = xy - np.roll(xy, 1, axis=0), np.roll(xy, -1, axis=0) - xy
+    ways = [v / np.linalg.norm(v, axis=1)[:, None] for v in (back, ahead)]
+    return {int(row): [ways[0][k], ways[1][k]] for k, row in enumerate(rows)}
+
+
+def volume_slopes(block: Block) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of volume (v, 3) and centroid (v, 3, 3) by the vertices; the centroid's component
+    comes first."""
+    count = len(block.vertices)
+    # a fan's corners are means of vertices: which ones, three columns at a time
+    eye = np.eye(count, 3 * -(-count // 3))
+    parts = [fan(eye[:, k : k + 3], block.faces)[0] for k in range(0, eye.shape[1], 3)]
+    made = np.concatenate(parts, axis=2)[:, :, :count]
+    p = np.einsum("tkv,vx->tkx", made, block.vertices - block.centroid)
+    by_volume = np.stack([np.cross(p[:, k - 2], p[:, k - 1]) for k in range(3)], axis=1) / 6.0
+    each = np.einsum("tx,tx->t", p[:, 0], by_volume[:, 0])
+    by_moment = by_volume[:, :, None, :] * p.sum(axis=1)[:, None, :, None]
+    by_moment = (by_moment + each[:, None, None, None] * np.eye(3)) / 4.0
+    volume = np.einsum("tkv,tkx->vx", made, by_volume)
+    return volume, np.einsum("tkv,tkcx->vcx", made, by_moment) / block.volume

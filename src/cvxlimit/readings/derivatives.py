@@ -1,0 +1,299 @@
+"""Derivatives of a load factor, from the forces and the mechanism that prove it, without a solve.
+
+By the envelope theorem forces x and mechanism u of an optimum may be held while the problem
+changes: with live power 1 and multipliers lam >= 0 of the conditions y(x) <= 0,
+
+    dalpha/dp = -u . d(A x + dead + alpha live)/dp - lam . dy(x)/dp.
+
+Contact by contact that is the slope of one number, -(A'u) . x - lam . y(x), in the contact's own
+properties. It is taken by central differences of this number, for all contacts at once: any surface
+that states conditions has one, and an error of rounding over the step, 1e-11 of its terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.geometry.facing import patches
+from cvxlimit.model.flow import FlowRule, StrengthRows, corner_openings
+from cvxlimit.model.formulations import corner_compressions, model_of
+from cvxlimit.model.mortar import without_tension
+from cvxlimit.model.statics import Statics
+from cvxlimit.readings.corners import Follows, Shapes, followed, volume_slopes
+from cvxlimit.readings.uniqueness import others
+from cvxlimit.readings.utilisation import forces_of
+from cvxlimit.scene import Load, Scene
+from cvxlimit.solution import Solution
+from cvxlimit.solution.kinematics import relative_rates, velocity_of
+from cvxlimit.surfaces import YieldSurface
+
+_STEP = 1e-5
+"""Of a value, or of a contact's size, that is varied: the error of central differences is its
+square, 1e-10, and that of rounding as much."""
+
+_NEARLY = 1e-4
+"""Of the largest opening of a contact, one that counts as hardly any; its square, rounding of
+forces, is what corners that open are left with."""
+
+_TRIAL = 1e-3
+"""Of the largest force, by which others are tried: what has a slope with them that differs by less
+than a hundredth of that, :data:`APART` of the largest, is put down to rounding."""
+
+APART = 1e-5
+
+JOINTS = ("friction", "cohesion", "compressive_strength", "tensile_strength")
+"""What contacts are made of, as scenes name it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ByLoad:
+    """One number of the loads: of which ``case`` ("dead" or "live"), of what (``kind``, as
+    :class:`~cvxlimit.Load` names it) and on which ``block`` ("" for all), which ``component``, its
+    ``value``, and the ``derivative`` of the load factor by it."""
+
+    case: str
+    kind: str
+    block: str
+    component: str
+    value: float
+    derivative: float
+
+
+class Proof:
+    """Forces and mechanism of a solution, and what they give at contacts that have changed."""
+
+    def __init__(self, solution: Solution, surfaces: Sequence[YieldSurface]) -> None:
+        self.scene, self.surfaces = solution.drawn_scene, surfaces
+        scene, contacts = self.scene, self.scene.contacts
+        rates = np.zeros((len(scene.blocks), 6))
+        place = {block.id: i for i, block in enumerate(scene.blocks)}
+        for name, own in (solution.mechanism or {}).items():
+            rates[place[name]] = own
+        self.rates = rates / float((rates[scene.free] * scene.live_forces).sum())
+        pressed, pull = without_tension(contacts)
+        forces = np.array(forces_of(scene, solution))
+        relative = relative_rates(scene, self.rates)
+        model = model_of(corner_compressions, pressed)
+        flow = FlowRule(surfaces, model)
+        self.multipliers = flow.shortfall(relative).multipliers
+        forces[:, COLUMN["N"]] += pull
+        if not model.conditions:
+            self.internal = np.concatenate(
+                [_corner_forces(pressed, forces, relative), *forces.T[[0, 1, 5]]]
+            )
+        elif solution.internal is not None and len(solution.internal) == len(model.nonneg):
+            self.internal = solution.internal
+        else:
+            raise InputError(
+                f"the solution of {solution.scene!r} does not hold the pressures on joints that "
+                "crush, on which derivatives rest: solve the scene anew"
+            )
+        self.forces = model.forces(self.internal)
+        self.forces[:, COLUMN["N"]] -= pull
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        return Shapes.of(self.scene.contacts)
+
+    @cached_property
+    def followed(self) -> list[Follows]:
+        table, _ = patches(self.scene.blocks, self.scene.joint_tolerance)
+        return list(followed(self.shapes, self.scene.blocks, table))
+
+    def at(self, contacts: Contacts) -> FloatArray:
+        """-(A'u) . x - lam . y(x) of every contact (n,), as ``contacts`` have it."""
+        pressed, pull = without_tension(contacts)
+        model = model_of(corner_compressions, pressed)
+        forces = model.forces(self.internal)
+        forces[:, COLUMN["N"]] -= pull
+        one, other = (
+            velocity_of(self.scene, self.rates, contacts.origin, b)
+            for b in (contacts.a, contacts.b)
+        )
+        turning = self.rates[contacts.b, 3:] - self.rates[contacts.a, 3:]
+        moving = np.concatenate(
+            [np.einsum("nik,nk->ni", contacts.axes, part) for part in (other - one, turning)],
+            axis=1,
+        )
+        result = -(forces * moving).sum(axis=1)
+        begin = 0
+        for excess, at in StrengthRows(self.surfaces, model).excess(self.internal):
+            np.subtract.at(result, at, self.multipliers[begin : begin + len(excess)] * excess)
+            begin += len(excess)
+        return result
+
+    def elsewhere(self) -> tuple[bool, Proof]:
+        """Whether there are other mechanisms; and the same with a little of other forces that go
+        with this one, or none where there are no others."""
+        contacts = without_tension(self.scene.contacts)[0]
+        strength = StrengthRows(self.surfaces, model_of(corner_compressions, contacts))
+        rates = relative_rates(self.scene, self.rates)
+        matrix = Statics.of(self.scene).matrix
+        several, change = others(matrix, strength, self.internal, rates, self.multipliers)
+        result = copy(self)
+        result.internal = self.internal + _TRIAL * float(np.abs(self.forces[:, :3]).max()) * change
+        return several, result
+
+
+def _corner_forces(contacts: Contacts, forces: FloatArray, relative: FloatArray) -> FloatArray:
+    """Compressions (m,) at corners that give N, M1 and M2, of corners that do not open as far as
+    these can: reweighted least norms, which end in the vertex of that linear program."""
+    j, (x, y) = contacts.corner_contact, contacts.corner_xy.T
+    opening = corner_openings(relative, contacts)
+    opening = opening - contacts.corner_minimum(opening)[j]
+    largest = -contacts.corner_minimum(-opening)[j]
+    away = np.where(largest > 0.0, opening / np.where(largest > 0.0, largest, 1.0), 0.0)
+    size = np.sqrt(contacts.area)[j]
+    give = np.stack([np.ones(len(x)), y / size, -x / size], axis=1)
+    wanted = forces[:, 2:5] / np.sqrt(contacts.area)[:, None] ** [0, 1, 1]
+    weight, found = 1.0 / (away + _NEARLY), np.zeros(len(x))
+    for last in (0, 0, 0, 0, 2):  # the last is refined: weights differ by as much as is asked
+        square = np.zeros((len(contacts), 3, 3))
+        np.add.at(square, j, weight[:, None, None] * give[:, :, None] * give[:, None, :])
+        inverse, found = np.linalg.pinv(square, hermitian=True), np.zeros(len(x))
+        for _ in range(1 + last):
+            left = wanted.copy()
+            np.subtract.at(left, j, found[:, None] * give)
+            by = np.einsum("nik,nk->ni", inverse, left)
+            found = found + weight * np.einsum("mi,mi->m", give, by[j])
+        weight = np.maximum(found, 0.0) / (away + _NEARLY) + _NEARLY * weight.mean()
+    return found
+
+
+def _by_joint(proof: Proof, name: str) -> FloatArray:
+    """Slopes (n,) by a property of every contact; forwards from 0, below which there is none."""
+    contacts = proof.scene.contacts
+    value = getattr(contacts, name)
+    unit = np.abs(proof.forces[:, :3]).max() / contacts.area
+    step = _STEP * np.where((value > 0.0) & np.isfinite(value), value, unit)
+    step = np.where(np.isfinite(value), step, 0.0)
+    back = np.where(value > 0.0, -1.0, 0.0)
+
+    def at(way: float | FloatArray) -> FloatArray:
+        return proof.at(contacts.with_values(**{name: value + way * step}))
+
+    if not step.any():
+        return np.zeros(len(contacts))
+    found = (at(1.0) - at(back)) / np.where(step > 0.0, (1.0 - back) * step, 1.0)
+    return np.asarray(found)
+
+
+def times(load: Load, scene: Scene) -> FloatArray:
+    """Multiples of its weight (blocks, 3) that a load puts on every block."""
+    result = np.zeros((len(scene.blocks), 3))
+    for part in (load.gravity, load.acceleration):
+        result += 0.0 if part is None else np.array(part)
+    return result + [load.weights.get(block.id, (0.0, 0.0, 0.0)) for block in scene.blocks]
+
+
+def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], BoolArray]:
+    """By the joints' own values, and by all vertices (v, 3) through the joints' geometry; and which
+    vertices (v,) are on edges where two blocks end together."""
+    contacts = proof.scene.contacts
+    vertices, shared = np.zeros((start[-1], 3)), np.zeros(start[-1], dtype=bool)
+    shapes = proof.shapes
+    # by a shift of each point of a contact, the first of all contacts at once, then the second...
+    by_point, counts = np.zeros_like(shapes.points), np.diff(shapes.start)
+    step = _STEP * np.sqrt(contacts.area)
+    for k in range(int(counts.max(initial=0))):
+        has = np.flatnonzero(counts > k)
+        rows = shapes.start[has] + k
+        for axis in range(2):
+            shift = np.zeros_like(shapes.points)
+            shift[rows, axis] = step[has]
+            ends = [proof.at(shapes.moved(way * shift)) for way in (1.0, -1.0)]
+            by_point[rows, axis] = ((ends[0] - ends[1]) / (2.0 * step))[has]
+    # by a shift and a turn of the whole contact, forces and moments keeping their components
+    force, moment = (
+        np.einsum("nik,ni->nk", contacts.axes, part)
+        for part in (proof.forces[:, :3], proof.forces[:, 3:])
+    )
+    one, other = (
+        velocity_of(proof.scene, proof.rates, contacts.origin, b) for b in (contacts.a, contacts.b)
+    )
+    turning = proof.rates[contacts.b, 3:] - proof.rates[contacts.a, 3:]
+    by_shift = -np.cross(force, turning)
+    by_turn = -(np.cross(force, other - one) + np.cross(moment, turning))
+    for f in proof.followed:
+        axes = contacts.axes[f.contact]
+        own = slice(shapes.start[f.contact], shapes.start[f.contact + 1])
+        flat = np.einsum("pvik,pi->vk", f.in_plane, by_point[own])
+        lift = f.height * (by_shift[f.contact] @ axes[2])
+        lift += np.cross(axes[2], f.tilt) @ by_turn[f.contact]
+        at = start[f.block] + f.vertex
+        vertices[at] += flat @ axes[:2] + lift[:, None] * axes[2]
+        shared[at] |= f.shares
+    return {name: _by_joint(proof, name) for name in JOINTS} | {"vertices": vertices}, shared
+
+
+def add_bodies(
+    proof: Proof, factor: float, times: FloatArray, vertices: FloatArray, start: IntArray
+) -> None:
+    """What volumes, centroids and faces under pressure give, with moments about the centroids as
+    they were; forces at points stay where they are."""
+    scene = proof.scene
+    for i in scene.free.tolist():
+        block, rates = scene.blocks[i], proof.rates[i]
+        volume, centroid = volume_slopes(block)
+        own = vertices[start[i] : start[i + 1]]
+        own -= (block.density or 0.0) * volume * (times[i] @ rates[:3])
+        central = block.weight * times[i]
+        for load, by in ((scene.dead, 1.0), (scene.live, factor)):
+            central = central + by * np.array(load.forces.get(block.id, np.zeros(6)))[:3]
+            pressures = [p for p in load.pressures if p.block == block.id]
+            if pressures:
+                own -= by * _by_faces(Load(pressures=pressures), block, rates)
+        own -= np.einsum("vcx,c->vx", centroid, np.cross(central, rates[3:]))
+
+
+def _by_faces(load: Load, block: Block, rates: FloatArray) -> FloatArray:
+    found, step = np.zeros_like(block.vertices), _STEP * block.size
+    for at in np.ndindex(found.shape):
+        ends = []
+        for way in (step, -step):
+            moved = block.vertices.copy()
+            moved[at] += way
+            ends.append(float(load.on([replace(block, vertices=moved)])[0] @ rates))
+        found[at] = (ends[0] - ends[1]) / (2.0 * step)
+    return found
+
+
+def by_loads(proof: Proof, factor: float) -> list[ByLoad]:
+    scene, found = proof.scene, list[ByLoad]()
+    place = {block.id: i for i, block in enumerate(scene.blocks)}
+    weights = np.array([block.weight for block in scene.blocks])[scene.free]
+    for case, load, by in (("dead", scene.dead, 1.0), ("live", scene.live, factor)):
+
+        def add(kind: str, block: str, names: str, values: Any, slopes: Any) -> None:
+            rows = zip(names.split(), np.ravel(values).tolist(), np.ravel(slopes), strict=True)
+            for name, value, slope in rows:
+                found.append(ByLoad(case, kind, block, name, value, -by * float(slope)))  # noqa: B023
+
+        for kind in ("gravity", "acceleration"):
+            if (given := getattr(load, kind)) is not None:
+                add(kind, "", "x y z", given, weights @ proof.rates[scene.free, :3])
+        for block, multiple in load.weights.items():
+            i = place[block]
+            add("weights", block, "x y z", multiple, scene.blocks[i].weight * proof.rates[i, :3])
+        for block, force in load.forces.items():
+            add("forces", block, "fx fy fz mx my mz", force, proof.rates[place[block]])
+        for p in load.points:
+            one, at = np.array([place[p.block]]), np.array([p.at])
+            speed = velocity_of(scene, proof.rates, at, one)
+            add("points", p.block, "fx fy fz", p.force, speed)
+            turned = np.cross(np.array(p.force), proof.rates[one[0], 3:])
+            add("points", p.block, "x y z", p.at, turned)
+        for q in load.pressures:
+            unit = Load(pressures=[replace(q, pressure=1.0)]).on([scene.blocks[place[q.block]]])
+            add("pressures", q.block, "pressure", q.pressure, unit[0] @ proof.rates[place[q.block]])
+    return found
