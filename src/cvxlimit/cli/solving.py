@@ -69,7 +69,7 @@ from cvxlimit.solution import Solution
 def plot_option() -> Any:
     return option(
         "[KIND:]FILE",
-        f"Draw the mechanism, or what KIND says: {either(PICTURES_OF)}. Several may be given.",
+        f"Draw the mechanism, or what KIND says: {either(PICTURES_OF)}. Repeatable.",
         group=OUTPUT,
     )
 
@@ -221,7 +221,7 @@ class Order:
     report: Path | None = report_option()
     sensitivity: bool = option(
         "",
-        "Say what friction, weights and moves of stones change, by derivatives from the proof.",
+        "What friction and stones change.",
         False,
         "--sensitivity",
         group=OUTPUT,
@@ -235,7 +235,7 @@ class Order:
     branching_seconds: float | None = option(
         "S",
         "Seconds of branch and bound, of the certified method; unless given, 60 with a tolerance "
-        "or up to 6 contacts, else about 10.",
+        "or up to 6 contacts, else 10.",
         group=EFFORT,
     )
     workers: int = option("N", "Processes of branch and bound.", 1, group=EFFORT)

@@ -11,6 +11,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray
 from cvxlimit.base.attached import attached
+from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.readings.derivatives import (
     APART,
@@ -98,6 +99,9 @@ class Sensitivity:
 
     def __str__(self) -> str:
         return "\n".join(f"{name}: {said}" for name, said in self.rows)
+
+    def _repr_html_(self) -> str:
+        return html_table(f"Sensitivity of {self.solution.scene!r}", ("by", "change"), self.rows)
 
     @property
     def factor(self) -> float:
