@@ -103,7 +103,7 @@ def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
         for artist in shown:
             artist.remove()
         shown = made.draw_seen(figure.axes[0], seen(replace(drawing, moving=moving)), 1.0)
-        shown.append(figure.text(0.02, 0.02, text, fontsize=9))
+        shown.append(figure.text(0.02, 0.02, text.replace(" at ", "\nat "), fontsize=8))
         forth.append(figure.pixels())
     frames = (*forth, *forth[-2:0:-1])
     return Animation(frames, _PAUSE * len(frames))
@@ -129,7 +129,7 @@ def _motions(path: Path) -> list[Motion]:
 def _texts(path: Path) -> list[str]:
     unit = printable(path.scene.units.length)
     return [
-        f"load factor {rounded(each.load_factor, DIGITS)} at {x:.4g} {unit}"
+        f"load factor {round(each.load_factor, DIGITS) + 0.0:.{DIGITS}f} at {x:.4g} {unit}"
         for x, each in zip(path.displacement, path, strict=True)
     ]
 
