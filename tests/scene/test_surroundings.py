@@ -24,13 +24,14 @@ from cvxlimit import (
     earth_pressure,
     fill,
     hydrostatic,
+    pushover,
     solve,
     uplift,
     wheel,
 )
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.cli.main import run
-from cvxlimit.errors import InputError
+from cvxlimit.errors import InputError, ModelError
 from cvxlimit.masonry import arch, dam, retaining_wall
 from helpers import assert_certified
 
@@ -372,3 +373,9 @@ def test_show_says_what_loads_add_up_to(capsys: pytest.CaptureFixture[str], tmp_
     assert "pressure 0 kN/m\\u00b2 that grows by 9.81 kN/m\\u00b3 on c1" in (
         tmp_path / "dam.html"
     ).read_text("utf-8")
+
+
+def test_paths_know_no_inertia_that_grows() -> None:
+    growing = Load(growing=[GrowingAcceleration((1, 0, 0), (0, 0, 0), (0, 0, 2))])
+    with pytest.raises(ModelError, match="has inertia that grows with height in the live load"):
+        pushover(wall(1).with_live(growing))

@@ -260,11 +260,10 @@ def code_check(
 def _push(scene: Scene) -> tuple[FloatArray, float]:
     """Direction and size of the live load: a horizontal acceleration, in multiples of gravity."""
     live, down = scene.live, scene.dead.gravity
-    others = live.gravity or live.forces or live.points or live.pressures or live.weights
-    others = others or live.growing
+    parts = (live.gravity, live.forces, live.points, live.pressures, live.weights, live.growing)
     push = np.array(live.acceleration or (0.0, 0.0, 0.0))
     size = float(np.linalg.norm(push))
-    if others or down is None or not size > 0.0 or abs(push @ down) > _LEVEL * size:
+    if any(parts) or down is None or not size > 0.0 or abs(push @ down) > _LEVEL * size:
         raise InputError(
             "the code check is of weights that are pushed sideways: the live load of scene "
             f"{scene.name!r} must be a horizontal acceleration and nothing else, and its dead "
