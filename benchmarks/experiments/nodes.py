@@ -93,7 +93,7 @@ def nodes(
 ) -> Lines:
     """What a node of branch and bound costs, and what processes gain."""
     yield Title("solvers")
-    yield Head("wall", "contacts", "copies", "solver", "tolerance", "ms", "bound")
+    yield Head("wall", "contacts", "disjuncts", "solver", "tolerance", "ms", "bound")
     for seed in walls:
         yield from solvers(seed)
     yield Title("shares")

@@ -39,7 +39,7 @@ from cvxlimit.paths.code_check import code_check as code_check
 from cvxlimit.paths.following import pushover as pushover
 from cvxlimit.paths.path import Configuration as Configuration
 from cvxlimit.paths.path import Path as Path
-from cvxlimit.proof.certificate import Certificate as Certificate
+from cvxlimit.proof.assumptions import Certificate as Certificate
 from cvxlimit.proof.certificate import Certifier as Certifier
 from cvxlimit.reductions.choice import explain as explain
 from cvxlimit.scene import Scene as Scene

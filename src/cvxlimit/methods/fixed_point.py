@@ -127,9 +127,9 @@ class FixedPoint(Method):
         for number in range(self.max_iterations):
             # Eq. 31 and 41: a convex problem with the eccentricities of the forces so far
             pressure = Pressure.of(blended, run.contacts, epsilon)
-            state, rung = run.try_solvers(partial(frozen.solve, pressure), ladder)
+            state, settings = run.try_solvers(partial(frozen.solve, pressure), ladder)
             change = run.change(state)
-            run.note(state, rung, change=change)
+            run.note(state, settings, change=change)
             if state.forces is None:
                 claims = state.outcome.claims_no_optimum
                 return Status.DIVERGED if claims else Status.SOLVER_FAILED

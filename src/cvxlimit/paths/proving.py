@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray
-from cvxlimit.methods.proving import RESIDUAL, SLACK, Check, solution_checks
+from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
+from cvxlimit.methods.proving import solution_checks
 from cvxlimit.model.statics import DOF
 from cvxlimit.paths.following import REACH, _Walk
 from cvxlimit.paths.increment import Increment

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 class ProofSettings:
     """When forces count, and how they are proved."""
 
-    accepted: float = 1e-7  # residual and excess of Eq. 9 and 30 beyond which forces are refused
+    # residual and excess of Eq. 9 and 30 beyond which forces are refused, and compression up to
+    # which a pressure centre means nothing
+    accepted: float = 1e-7
     close: float = 1e-9  # the same, up to which forces and compressions are but rounding
     most_lost: float = 0.1  # share of the load factor that excess may be worth: else refused, too
     # shares of a dead-load state mixed in to be strictly admissible, and the largest for close ones
@@ -28,7 +30,6 @@ class ProofSettings:
     attempts: tuple[int, int, int] = (5, 12, 4)  # contacts, where it did not do, by safe steps
     late: float = 0.05  # share of a run's time that proofs take together once that is over
     most_of_width: float = 0.1  # share of the bracket's width that a proof may cost
-    pressed: float = 1e-7  # compression from which a pressure centre means something
 
 
 @dataclass(frozen=True)
@@ -40,10 +41,8 @@ class ClimbSettings:
     price_growth: float = 3.0  # per step
     bought: float = 1e-5  # slack in all, over total load x contact size, that counts as none
     long: tuple[float, ...] = (0.1, 0.1, 0.1, 0.3)  # curvature of long steps
-    long_gain: float = 1e-3  # relative gain below which they end
     inward: float = 0.05  # share towards the middle: relaxations press on the rims of contacts
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)  # the same after a failure
-    frozen_inside: float = 1e-8  # tolerance of frozen problems by solvers that end inside
     lost: float = 0.1  # share of the least gain that a loose solve may cost without a tight one
     hope: float = 2.0  # times the predicted gain must reach the best bound, else it is given up
     first_ratio: float = 0.7  # of one gain to the one before, until there are two
@@ -77,9 +76,9 @@ class BranchSettings:
     rounds: int = 2  # solves per node, with disjuncts added
     precision: float = 1e-4  # of powers in its bounds, over the relative tolerance
     at_rest: float = 0.06  # share of the largest speed that contacts at rest have in splits,
-    still: float = 1e-3  # and in the order of tightening
+    at_rest_tightened: float = 1e-3  # and in the order of tightening
     prior: float = 5.0  # splits that what all contacts have in common counts for
-    aside: float = 0.1  # share of a range that it is cut beside the pressure centre
+    beside_centre: float = 0.1  # share of a range that it is cut beside the pressure centre
     widened: float = 0.03  # share of it that ranges are widened by where bounds are not closed
     cut: float = 0.1  # least share of a range that tightening must cut off
     beyond: float = 1e-3  # share it leaves beyond what a solver says is reached

@@ -310,7 +310,7 @@ def _place(relaxer: Relaxer, node: Node, forces: FloatArray, contact: int) -> Sp
     axis = int(inner.argmax())
     near, far = sorted((low[axis], high[axis]), key=lambda end: abs(end - centre[axis]))
     # statics may hold a centre where it is: at the end of a range no state is strictly inside
-    at = centre[axis] + BRANCH.aside * (far - near)
+    at = centre[axis] + BRANCH.beside_centre * (far - near)
     return _cut(relaxer, node, contact, axis, float(at))
 
 

@@ -52,7 +52,7 @@ class _Tightening:
             return node
         self._aim()
         centre = centres(node.forces, relaxer.contacts)
-        score = scores(relaxer, node, BRANCH.still)
+        score = scores(relaxer, node, BRANCH.at_rest_tightened)
         rows = np.argsort(-score)
         before = np.cumsum(score[rows]) - score[rows]
         rows = rows[(before < BRANCH.carried * score.sum()) & (score[rows] > 0.0)].tolist()

@@ -63,7 +63,7 @@ class Boxes:
         self.size = np.minimum(factor * self.size, CLIMB.largest)
 
     def _move(self, forces: FloatArray) -> None:
-        pressed = forces[:, [COLUMN["N"]]] > PROOF.pressed * self.force  # idle ones keep theirs
+        pressed = forces[:, [COLUMN["N"]]] > PROOF.accepted * self.force  # idle ones keep theirs
         self.centre = np.where(pressed, centres(forces, self.contacts), self.centre)
 
 
@@ -230,12 +230,12 @@ class InnerMethod(SafeProblems):
             if frozen.is_safe:
                 return
         if boxes.largest <= CLIMB.noise:
-            tight = self.restricted("box", lambda rung: self.hull.solve(disjuncts, rung))
+            tight = self.restricted("box", lambda settings: self.hull.solve(disjuncts, settings))
             yield tight
             if tight.is_safe:
                 return
         point = self.point(forces)
-        yield self.restricted("safe", lambda rung: self.step.solve(point, rung), self.warm)
+        yield self.restricted("safe", lambda settings: self.step.solve(point, settings), self.warm)
 
     def improve(self, point: Point, reach: float | None = None) -> Iterator[InnerIterate]:
         """Safe steps, each at the last one's forces or ahead of them by ``reach`` (None: as the
@@ -279,7 +279,7 @@ class InnerMethod(SafeProblems):
                 if iterate.state.forces is None:
                     break
                 point = self.point(iterate.state.forces, point)
-                if iterate.load_factor - best < CLIMB.long_gain * abs(best):
+                if iterate.load_factor - best < self.gain * abs(best):
                     break
                 best = iterate.load_factor
         yield from self.improve(point)

@@ -271,7 +271,7 @@ def _stepped(
     run: Run, checker: LowerBounds, forces: FloatArray, margin: FloatArray
 ) -> LowerBound | None:
     step = SafeStep(_slippery(run, margin), run.moments)
-    point = step.point(forces, Point.middle(step.statics.contacts), PROOF.pressed)
+    point = step.point(forces, Point.middle(step.statics.contacts), PROOF.accepted)
     state = step.solve(point.shrunk(run.moments.shrink), tight_ladder()[0])
     if state.forces is None or state.load_factor is None:
         return None

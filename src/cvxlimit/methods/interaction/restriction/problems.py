@@ -39,6 +39,7 @@ from cvxlimit.solvers import (
     tight_ladder,
     warm_ladder,
 )
+from cvxlimit.solvers.ladders import NUMBERS
 from cvxlimit.surfaces import Conic
 
 
@@ -85,7 +86,10 @@ class SafeProblems:
         self.start = "middle"
         self.leading = run.ladder or leading_ladder(len(run.contacts))
         self.warm = () if run.ladder else warm_ladder(len(run.contacts))
-        self.stepping = (*self.warm, *(rung for rung in self.leading if rung not in self.warm))
+        self.stepping = (
+            *self.warm,
+            *(settings for settings in self.leading if settings not in self.warm),
+        )
         self.tight = run.ladder or tight_ladder()
         with run.clock.phase("compile"):
             self.half = None if reductions is None else SymmetricHalf.of(reductions, self.moments)
@@ -102,7 +106,9 @@ class SafeProblems:
         return self.run.best.bracket.lower
 
     def safe(self, point: Point) -> InnerIterate:
-        return self.restricted("safe", lambda rung: self.step.solve(point, rung), self.stepping)
+        return self.restricted(
+            "safe", lambda settings: self.step.solve(point, settings), self.stepping
+        )
 
     def leading_step(
         self, kind: str, point: Point, price: float | None = None, curvature: float = 1.0
@@ -114,10 +120,12 @@ class SafeProblems:
         frozen = self.pressed
         own = centre if self.half is None else centre[self.half.kept]
         at = Pressure.at(own * half_extent(frozen.contacts), frozen.contacts)
-        # further rungs have not been seen to help, and cost as much as safe steps
-        inside = warm_ladder(len(self.contacts), CLIMB.frozen_inside) if self.warm else ()
-        rungs = inside, self.tight[:1]
-        return self.restricted("frozen", lambda rung: frozen.solve(at, rung, True), *rungs)
+        # further solvers have not been seen to help, and cost as much as safe steps
+        inside = warm_ladder(len(self.contacts), NUMBERS.node) if self.warm else ()
+        ladders = inside, self.tight[:1]
+        return self.restricted(
+            "frozen", lambda settings: frozen.solve(at, settings, True), *ladders
+        )
 
     @cached_property
     def pressed(self) -> PressedProblem:
@@ -126,11 +134,13 @@ class SafeProblems:
             return PressedProblem(self.run.assemblage, Conic(), self.moments, half=self.half)
 
     def relaxed(self, kind: str, disjuncts: Disjuncts) -> InnerIterate:
-        return self.solved(kind, lambda rung: self._next(kind, disjuncts, rung), self.leading)
+        return self.solved(
+            kind, lambda settings: self._next(kind, disjuncts, settings), self.leading
+        )
 
-    def _next(self, kind: str, disjuncts: Disjuncts, rung: SolverSettings) -> LimitState:
+    def _next(self, kind: str, disjuncts: Disjuncts, settings: SolverSettings) -> LimitState:
         """Solve from where the last problem of this kind was halfway."""
-        state = self.hull.solve(disjuncts, rung, start=self._halfway.get(kind))
+        state = self.hull.solve(disjuncts, settings, start=self._halfway.get(kind))
         if state.halfway is not None:
             self._halfway[kind] = state.halfway
         return state
@@ -142,15 +152,15 @@ class SafeProblems:
         before: Sequence[SolverSettings] = (),
         after: Sequence[SolverSettings] | None = None,
     ) -> InnerIterate:
-        """A problem that should be safe, with each further rung where the checker refuses its
+        """A problem that should be safe, with each further settings where the checker refuses its
         forces: first with those given, then tightly, unless others are to come ``after``."""
         others = self.tight if after is None else after
-        for rung in (*before, *(rung for rung in others if rung not in before)):
-            iterate = self.solved(kind, solver, (rung,))
+        for settings in (*before, *(settings for settings in others if settings not in before)):
+            iterate = self.solved(kind, solver, (settings,))
             if iterate.is_safe or iterate.state.outcome.claims_no_optimum:
                 break
         if iterate.is_safe and iterate.lower >= self.run.best.bracket.lower:
-            self._last = (iterate, solver) if rung not in self.tight else None
+            self._last = (iterate, solver) if settings not in self.tight else None
         return iterate
 
     def tightened(self) -> Iterator[InnerIterate]:
@@ -163,7 +173,7 @@ class SafeProblems:
             yield self.solved(iterate.kind, solver, self.tight)
 
     def solved(self, kind: str, solver: Solver, ladder: Sequence[SolverSettings]) -> InnerIterate:
-        state, rung = self.run.try_solvers(solver, ladder)
+        state, settings = self.run.try_solvers(solver, ladder)
         bound, figures = None, {}
         if state.forces is not None and state.load_factor is not None:
             with self.run.clock.phase("certify"):
@@ -173,13 +183,13 @@ class SafeProblems:
                 "equilibrium_residual": known(bound.residual),
                 "yield_excess": known(bound.excess),
             }
-        label = f"{rung}, {kind} step from the {self.start}"
+        label = f"{settings}, {kind} step from the {self.start}"
         self.run.note(state, label, **self.run.bounds, **figures)
         return InnerIterate(kind, state, bound)
 
     def point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
         """Where to build a step at ``forces`` (n, 6); idle contacts keep their place."""
-        point = self.step.point(forces, otherwise or self.middle, PROOF.pressed)
+        point = self.step.point(forces, otherwise or self.middle, PROOF.accepted)
         return point.shrunk(self.moments.shrink)
 
     def fastest_twist(self, state: LimitState) -> float:

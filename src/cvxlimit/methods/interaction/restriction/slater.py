@@ -51,7 +51,7 @@ def _candidates(
         step = SafeStep(alone, run.moments)
     middle = Point.middle(step.statics.contacts)
     if forces is not None:
-        yield from _stepped(run, step, step.point(forces, middle, PROOF.pressed), ladder)
+        yield from _stepped(run, step, step.point(forces, middle, PROOF.accepted), ladder)
     yield from _stepped(run, step, middle, ladder)
 
 
@@ -63,4 +63,4 @@ def _stepped(
         state, _ = run.try_solvers(partial(step.solve, at, price=price, most=1.0), ladder)
         if (forces := carried(state)) is not None:
             yield forces
-            point = step.point(forces, point, PROOF.pressed)
+            point = step.point(forces, point, PROOF.accepted)
