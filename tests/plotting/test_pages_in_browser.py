@@ -16,7 +16,10 @@ from tests.kit.browser import HEIGHTS, RIGHT, UP, VIEWS, Browser, browser
 
 from cvxlimit import Block, Load, PointForce, Scene, builtin_scene, plotting, solve
 from cvxlimit.plotting.domains import domain_page
+from cvxlimit.plotting.movement import moved_by, points_moved
+from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.studies import load_domain
+from turning import ANGLES, turning, wall
 
 pytestmark = pytest.mark.browser
 
@@ -40,6 +43,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "nested": domain_page([load_domain(stack, surface=surface, progress=False)
                                for surface in ("conic", "octagon")]),
         "solid": domain_page([load_domain(stack, SPACE, 0.1, progress=False)]),
+        "path": turning(wall(3), ANGLES).plot("page"),
     }  # fmt: skip
     folder = tmp_path_factory.mktemp("pages")
     for name, page in made.items():
@@ -52,7 +56,7 @@ GROUND = Block.box("ground", (-1, -1, -1), (3, 2, 0), density=20.0)
 LEFT = Block.box("left", (0, 0, 0), (1, 1, 2), density=20.0)
 CROWDED = Block.box("crowded", (0.9, 0, 0), (1.9, 1, 2), density=20.0)
 
-PAGES = ("viewer", "scene", "refused", "flat", "nested", "solid")
+PAGES = ("viewer", "scene", "refused", "flat", "nested", "solid", "path")
 
 
 def tip(tab: Browser) -> str:
@@ -379,3 +383,32 @@ class TestDomain:
         tab.point("#overlay", (0.4, 0.4), (0.7, 0.6), press=True)
         shown.add(whole(tab))
         assert len(shown) == 5
+
+
+# --- a path ---------------------------------------------------------------------------------------
+
+
+class TestPath:
+    def test_blocks_are_where_the_configuration_at_the_slider_has_them(self, tab, pages) -> None:
+        path = turning(wall(3), ANGLES)
+        tab.opened(pages["path"], 1280, "light")
+        mesh = drawn_mesh(path.scene)
+        for k, each in enumerate(path):
+            script = (
+                "el('amount').value = arguments[0]; el('amount').dispatchEvent(new Event('input'));"
+            )
+            ways = tab.run(script + "return Array.from(moved)", k)
+            there = moved_by(path.scene, each.displacements).rates
+            there = points_moved(path.scene, there, mesh.points, mesh.point_block)
+            np.testing.assert_allclose(np.reshape(ways, (-1, 3)), there - mesh.points, atol=1e-6)
+            assert f"load factor {each.load_factor:.5f}" in tab.text("#factor")
+
+    def test_it_runs_through_the_path_and_stops_where_the_slider_is(self, tab, pages) -> None:
+        tab.opened(pages["path"], 1280, "light")
+        still = whole(tab), tab.ink("#curve")
+        tab.click("#play")
+        seen = {tab.text("#factor") for _ in range(8) if tab.settled() is None}
+        assert len(seen) > 3
+        tab.click("#play")
+        assert (whole(tab), tab.ink("#curve")) == still
+        assert tab.complaints == []
