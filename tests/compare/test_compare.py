@@ -313,7 +313,7 @@ def test_refused_before_anything_runs(make, message):
     ("models", "repeat", "message"),
     [
         (["no-such"], 1, "no method matches 'no-such': did you mean"),
-        (["octagon"], 1, "did you mean cvxlimit/octagon or octagon/corners"),
+        (["octogon"], 1, "did you mean octagon"),
         ([], 1, "nothing to compare"),
         ([3], 1, "must be names or Model objects"),
         ([Model("a"), Model("a", tolerance=0.1)], 1, "two models are called 'a'"),
@@ -324,6 +324,29 @@ def test_refused_before_anything_runs(make, message):
 def test_refusals(models, repeat, message):
     with pytest.raises(ModelError, match=message):
         compare(builtin_scene("single-block"), models, repeat=repeat, progress=False)
+
+
+def test_facets_on_both_sides_of_the_cone():
+    """Polygons bracket the cone, and twice as many facets have a fourth of the error."""
+    found = compare(builtin_scene("tuff-wall"), facets=[8, 32], repeat=1, progress=False)
+    cone, *polygons = found.rows
+    assert [row.facets for row in found.rows] == [None, 8, 32, 8, 32]
+    for row in polygons:
+        assert (row.load_factor < cone.load_factor) == row.surface.endswith("-inscribed")
+    for coarse, fine in (polygons[:2], polygons[2:]):
+        assert 8.0 < coarse.error / fine.error < 32.0
+    error, time = found.plot_facets().axes
+    assert [len(line.get_xdata()) for line in error.lines[:2]] == [2, 2]
+    assert time.get_ylim()[0] == 0.0
+    with pytest.raises(ModelError, match="no model has facets"):
+        compare(builtin_scene("stack"), "cvxlimit", repeat=1, progress=False).plot_facets()
+
+
+@pytest.mark.parametrize("name", ["16-gon", "cvxlimit/16-gon", "cvxlimit/16-gon-inscribed"])
+def test_surfaces_by_the_names_that_sweeps_take(name):
+    (row,) = compare(builtin_scene("stack"), [name], repeat=1, progress=False).rows
+    assert row.surface == name.removeprefix("cvxlimit/")
+    assert not row.failed
 
 
 def test_a_bad_scene_is_refused_before_anything_runs():

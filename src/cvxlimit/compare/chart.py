@@ -100,6 +100,32 @@ def draw_time_against_error(
     axes.set_axisbelow(True)
 
 
+def draw_against_facets(axes: Sequence[Axes], rows: Sequence[Row]) -> None:
+    """Error and time of polygons by their facets, and of the cone as a line."""
+    lines: dict[str, list[Row]] = {}
+    for row in sorted((row for row in rows if row.facets), key=lambda row: row.facets or 0):
+        lines.setdefault(row.line, []).append(row)
+    every = sorted({row.facets for row in rows if row.facets})
+    cones = [row for row in rows if row.surface == "conic"][:1]
+    for ax, of, name in zip(
+        axes, (1, 0), ("true relative error of the load factor", "total time (s)"), strict=True
+    ):
+        for order, (label, members) in enumerate(lines.items()):
+            y = [_point(row)[of] for row in members]
+            ax.plot([row.facets for row in members], y, label=label, **style(order, label))
+        for row in cones:
+            ax.axhline(_point(row)[of], color="#134b73", linestyle="--", label="cone")
+        ax.set(xscale="log", yscale="log" if of else "linear", xlabel="facets K", ylabel=name)
+        ax.set_xticks(every, [str(k) for k in every])
+        ax.set_xticks([], minor=True)
+        ax.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
+    first = max((row for members in lines.values() for row in members), key=lambda r: _point(r)[1])
+    scale = _point(first)[1] * (first.facets or 1) ** 2
+    axes[0].plot(every, [scale / k**2 for k in every], ":", color="#888888", label="1 / K\u00b2")
+    axes[0].legend()
+    axes[1].set_ylim(bottom=0.0)
+
+
 def few_ticks(axis: Axis) -> None:
     """Labels at 1, 2 and 5 times powers of ten of a logarithmic axis, or at these powers where
     there is no room; closer where these are less than three."""

@@ -18,9 +18,15 @@ from cvxlimit.base.checks import count
 from cvxlimit.base.extras import needed
 from cvxlimit.base.files import write_file
 from cvxlimit.base.progressbar import progress_bar
-from cvxlimit.compare.chart import draw_time_against_error, on_front
+from cvxlimit.compare.chart import draw_against_facets, draw_time_against_error, on_front
 from cvxlimit.compare.models import PHASES, Method, Reference, Row
-from cvxlimit.compare.registry import choose, interaction_registry, physics_registry, registry
+from cvxlimit.compare.registry import (
+    choose,
+    interaction_registry,
+    of_facets,
+    physics_registry,
+    registry,
+)
 from cvxlimit.errors import CvxlimitError, ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.scene import Scene, check_scene
@@ -142,6 +148,24 @@ class Comparison:
         figure: Figure = chart.figure
         return figure
 
+    def plot_facets(self, figsize: tuple[float, float] = (10.0, 4.0)) -> Figure:
+        """Error and time against the number of facets, outside and inside the cone.
+
+        Raises
+        ------
+        ModelError
+            If Matplotlib is not installed, or no model with facets has a time and an error.
+        """
+        rows = [row for row in self.rows if row.has_point and row.interaction == "none"]
+        if not any(row.facets for row in rows):
+            raise ModelError("no model has facets: ask for some by compare(scene, facets=[4, 8])")
+        from cvxlimit.plotting.registry import figures
+
+        figure: Figure = figures().SceneFigure(figsize=figsize, layout="constrained")
+        draw_against_facets(figure.subplots(1, 2), rows)
+        figure.suptitle(f"{self.scene}: facets in place of the cone", parse_math=False)
+        return figure
+
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write all columns of all rows; returns the file's path.
 
@@ -162,6 +186,7 @@ def compare(
     scene: Scene,
     models: str | Method | Sequence[str | Method] | None = None,
     *,
+    facets: Sequence[int] | None = None,
     repeat: int = 3,
     progress: bool | Callable[[str], None] = True,
 ) -> Comparison:
@@ -176,9 +201,13 @@ def compare(
     scene : Scene
     models : (sequence of) str or Model, or None
         Names from :func:`cvxlimit.compare.registry.registry`, ``interaction_registry`` and
-        ``physics_registry`` beside it, with ``*`` and ``?``, or your own
+        ``physics_registry`` beside it, with ``*`` and ``?``, surfaces as sweeps take them
+        (``"16-gon"``), or your own
         :class:`~cvxlimit.compare.models.Model`, with surfaces of your own if you like.
-        None is :data:`DEFAULT_MODELS`.
+        None is :data:`DEFAULT_MODELS`, or none besides ``facets``.
+    facets : sequence of int or None
+        Numbers of facets in place of the cone, each outside and inside it, beside the cone itself:
+        :meth:`Comparison.plot_facets` draws error and time against them.
     repeat : int
         Runs per model.
     progress : bool or callable
@@ -209,7 +238,10 @@ def compare(
     """
     count(repeat, 1, "repeat")
     check_scene(scene)
-    methods = _methods(DEFAULT_MODELS if models is None else models)
+    polygons = [] if facets is None else of_facets(facets)
+    given = (DEFAULT_MODELS if facets is None else ()) if models is None else models
+    given = [given] if isinstance(given, (str, Method)) else given
+    methods = _methods([*polygons, *given] if isinstance(given, Sequence) else given)
     len(scene.contacts)  # faults of the geometry show here, once
     steps = len({question_of(method) for method in methods}) + repeat * len(methods)
     with progress_bar("comparing", steps, progress) as advance:
@@ -221,9 +253,7 @@ def compare(
             return Comparison(scene.name, interrupt.args[0], is_interrupted=True)
 
 
-def _methods(models: str | Method | Sequence[str | Method]) -> list[Method]:
-    if isinstance(models, (str, Method)):
-        models = [models]
+def _methods(models: Sequence[str | Method]) -> list[Method]:
     if not isinstance(models, Sequence):
         raise ModelError(f"models must be names or Model objects, got {models!r}")
     known = [*(registry() | interaction_registry() | physics_registry()).values()]

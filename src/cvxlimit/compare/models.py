@@ -22,7 +22,7 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.bracket import Bracket, known
 from cvxlimit.solvers import SolverSettings, check_installed, default_ladder, settings_for
-from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces import Cone, Facets, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of
 
 PHASES = ("detect", "compile", "reparametrise", "solve", "certify")
@@ -71,6 +71,7 @@ class Row:
     total_min: float | None = None
     total_max: float | None = None
     memory: float | None = None
+    facets: int | None = None
 
     @classmethod
     def of(cls, solution: Solution, started: float) -> Row:
@@ -121,7 +122,7 @@ class Method(ABC):
     def measure(self, scene: Scene) -> Row:
         """Run once, timed by phase; ``scene`` has not looked for contacts yet."""
 
-    def axes(self) -> dict[str, str]:
+    def axes(self) -> dict[str, Any]:
         """Columns of the results that describe the method."""
         return {"interaction": self.interaction, "moments": self.moments}
 
@@ -210,17 +211,19 @@ class Model(Method):
         settings = {"moments": moments, "tolerance": self.tolerance}
         return chosen(self.surface, self.method, settings)
 
-    def axes(self) -> dict[str, str]:
+    def axes(self) -> dict[str, Any]:
+        surfaces, named = surfaces_of(self.surface)
         formulation = getattr(self.formulation, "__name__", type(self.formulation).__name__)
         how_much = "" if self.model == "auto" else f", {self.model} model"
         asked = getattr(self._chosen(), "tolerance", None)
         if self.solver is not None:
             asked = self.tolerance
         return {
-            "surface": surfaces_of(self.surface)[1],
+            "surface": named,
             "formulation": formulation.replace("_", " ") + how_much,
             "solver": "ladder" if self.solver is None else str(self.solver),
             "tolerance": "" if asked is None else f"{asked:g}",
+            "facets": next((s.cone.count for s in surfaces if isinstance(s.cone, Facets)), None),
             **super().axes(),
         }
 

@@ -16,11 +16,15 @@ from cvxlimit.errors import ModelError
 from cvxlimit.model.crushing import PlasticField
 from cvxlimit.model.formulations import corner_compressions, resultants, vertex_forces
 from cvxlimit.solvers import settings_for
-from cvxlimit.surfaces import Rocking
+from cvxlimit.surfaces import Facets, Rocking
+from cvxlimit.surfaces.coulomb import surfaces_of
 
 _QDLDL = "Clarabel qdldl"
 _SAID = {"conic": "cone", "octagon": "octagon"}
 """Surfaces as lines of charts call them."""
+
+_SURFACES = ("conic", "parabolic", "octagon", "octagon-inscribed", "16-gon")
+"""Some that are meant where a name is mistyped."""
 
 _CONIC_SOLVERS = ("ECOS", "QOCO", "MOSEK", "GUROBI")
 _FINE_ONLY = ("COPT", "XPRESS", "CUCLARABEL")
@@ -42,7 +46,6 @@ def registry() -> dict[str, Method]:
             Model(f"cvxlimit{end}", "cvxlimit", tolerance=asked),
             Model(f"cvxlimit/full{end}", "cvxlimit, full model", tolerance=asked, model="full"),
         ]
-    made.append(Model("cvxlimit/octagon", "cvxlimit, octagon", "octagon"))
     for side, kind in (("", "circumscribed"), ("-inscribed", "inscribed")):
         for polygon in ("octagon", "16-gon", "32-gon", "64-gon"):
             line = f"facets, {kind}, Clarabel"
@@ -130,14 +133,44 @@ def physics_registry() -> dict[str, Method]:
     return {model.name: model for model in made}
 
 
+def of_surface(name: str) -> Model | None:
+    """The package's default on a surface that :func:`~cvxlimit.solve` and sweeps take by name,
+    ``"16-gon"`` or ``"cvxlimit/16-gon"``; None for other names.
+
+    >>> of_surface("cvxlimit/octagon").surface, of_surface("cvxlimit/full")
+    ('octagon', None)
+    """
+    surface = name.removeprefix("cvxlimit/")
+    try:
+        surfaces, known = surfaces_of(surface)
+    except ModelError:
+        return None
+    count = next((s.cone.count for s in surfaces if isinstance(s.cone, Facets)), None)
+    side = "inside" if known.endswith("-inscribed") else "outside"
+    line = f"cvxlimit, {known}" if count is None else f"facets {side} the cone"
+    return Model(name, line, surface)
+
+
+def of_facets(facets: Sequence[int]) -> list[Method]:
+    """The cone, and polygons with so many facets outside and inside it."""
+    sides = ("", "-inscribed")
+    made = [of_surface(f"{Facets.circumscribed(k)}{side}") for side in sides for k in facets]
+    return [Model("conic", "cvxlimit, conic"), *filter(None, made)]
+
+
 def choose(names: Iterable[str], among: Sequence[Method]) -> list[Method]:
-    """Methods whose names match one of the patterns (``*`` and ``?``), in registered order."""
+    """Methods whose names match one of the patterns (``*`` and ``?``), in registered order, or are
+    those of surfaces."""
     patterns = list(names)
+    own = {method.name for method in among}
+    if len(patterns) == 1 and patterns[0] not in own and (made := of_surface(patterns[0])):
+        return [made]
     for pattern in patterns:
         if not any(fnmatchcase(method.name, pattern) for method in among):
             known = [method.name for method in among]
             close = [name for name in known if pattern in name][:3]
-            close = close or get_close_matches(pattern, known, 3, 0.4) or known[:3]
+            surfaces = get_close_matches(pattern, _SURFACES, 1)
+            close = close or surfaces or get_close_matches(pattern, known, 3, 0.4) or known[:3]
             raise ModelError(
                 f"no method matches {pattern!r}: did you mean {' or '.join(close)}? "
                 "* and ? stand for any letters; cvxlimit.compare.registry() has all names"
