@@ -17,7 +17,6 @@ from typing import Any
 from benchmarks import charts, scenes
 from benchmarks.baselines import baselines
 from benchmarks.experiment import Head, Lines, Part, experiment
-from benchmarks.experiments.frozen import frozen_methods
 from benchmarks.machine import environment
 from benchmarks.rows import Rows
 from benchmarks.runs import Limits, run_apart
@@ -74,7 +73,7 @@ GROWTH = (
     "cvxlimit", "cvxlimit/1e-6", "cvxlimit/full/1e-6", "conic/resultants/clarabel-qdldl/1e-8",
     "conic/corners/clarabel-qdldl/1e-8", "conic/corners/qoco/1e-8",
     "conic/corners/blockwise-*/1e-8", "octagon/corners/blockwise-*/1e-8",
-    "octagon/corners/clarabel-qdldl/1e-8", "frozen/*",
+    "octagon/corners/clarabel-qdldl/1e-8",
     "literal/octagon/kN-m", "literal/octagon/kN-m/scipy", "literal/conic/kN-m",
 )  # fmt: skip
 """Methods whose time and memory are followed over all sizes."""
@@ -171,7 +170,7 @@ def methods_of(case: Case) -> list[Method]:
     """All methods that make sense for a case."""
     if case.interaction:
         return list(interaction_registry().values())
-    return [*registry().values(), *frozen_methods().values(), *baselines().values()]
+    return [*registry().values(), *baselines().values()]
 
 
 def growth_methods(case: Case) -> list[Method]:

@@ -11,14 +11,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-from benchmarks.experiments.frozen import FrozenModel, frozen_methods
 from benchmarks.machine import fitted_exponent
 from benchmarks.rows import Rows
 from benchmarks.runs import Limits, Stopped, apart, run_apart
 
 from cvxlimit import builtin_scene
-from cvxlimit.compare.comparison import side_by_side
-from cvxlimit.compare.models import PHASES, Method, Model, Row
+from cvxlimit.compare.models import Method, Model, Row
 from cvxlimit.compare.registry import registry
 from cvxlimit.errors import ModelError
 from cvxlimit.model.formulations import resultants
@@ -91,7 +89,6 @@ def test_memory_of_a_run_is_its_own():
         (lambda: Limits(seconds=-1), "seconds of a run must be a number above 0, got -1"),
         (lambda: Limits(memory=0.0), "memory of a run must be a number above 0, got 0.0"),
         (lambda: Limits(threads=0), "threads must be a whole number above 0 or None, got 0"),
-        (lambda: FrozenModel("x", parameters="none"), "one of rows, cvxpy, got 'none'"),
     ],
 )
 def test_refused_before_anything_runs(make, message):
@@ -111,17 +108,6 @@ def test_functions_that_no_module_holds_are_sent_by_value():
     found = run_apart(model, builtin_scene("single-block"), LIMITS)
     assert not found.failed
     assert found.load_factor == pytest.approx(0.4, rel=1e-5)
-
-
-@pytest.mark.exhaustive
-def test_parameters_have_their_own_phase():
-    method = frozen_methods()["frozen/rows"]
-    (row,) = side_by_side([method], builtin_scene("tuff-wall"), 1)
-    assert row.parameters == "rows"
-    assert row.reparametrise > 0.0
-    assert row.error < 1e-5
-    phases = [getattr(row, phase) or 0.0 for phase in PHASES]
-    assert 0.0 < sum(phases) <= row.total * (1.0 + 1e-9)
 
 
 @pytest.mark.exhaustive
