@@ -23,7 +23,7 @@ from cvxlimit.errors import ModelError, NoAnswerError, SolverError
 from cvxlimit.methods.solving import solve
 from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.pairs import Pose
-from cvxlimit.paths.path import ZERO, Configuration, Ending, Path, Points, Work
+from cvxlimit.paths.path import SLIDING, ZERO, Configuration, Ending, Path, Points, Work
 from cvxlimit.paths.points import CLOSED, Start
 from cvxlimit.paths.proof import bracket_of
 from cvxlimit.scene import Scene
@@ -44,6 +44,10 @@ _NEARLY = 1e-7
 _FEW, _MANY = 12, 24
 """Iterates: rocking takes 3 to 6; what has not settled in 24 has not settled in 60."""
 
+_FAR = 1e-3
+"""Movement over the contact size from which two iterates lead to the end; still farther off after
+twelve, mechanisms compete, and half the step takes less time."""
+
 _TURN = 0.5
 """Largest rotation of an iterate, in radians: a tangent says nothing beyond."""
 
@@ -51,13 +55,14 @@ _FINEST = 1e-3
 """Of the first step: no equilibrium nearer than that, and the structure falls."""
 
 _STEPS = 8
-"""To the load factor asked for, as the first slope has it."""
+"""To the load factor asked for, as the last slope has it, if no step is given."""
 
 _MOST = 400
 """Configurations of a path."""
 
-_AHEAD = 1.5
-"""Blocks that move so many times as far as at the pace before may have jumped."""
+_AHEAD, _JUMP = 1.5, 4.0
+"""Blocks that move so many times as far as at the pace before may have jumped, and where joints
+slide, which change their pace as they like."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +99,8 @@ class _Walk:
         self.facets = self.begin.facets
         self.found: list[_At] = []
         self.snaps: list[float] = []
+        self.cuts: list[float] = []
+        self.step = 0.0
 
     def first(self) -> _At | _Failed:
         """The scene as it is given, at the largest load factor."""
@@ -115,7 +122,9 @@ class _Walk:
         for iterate in range(1, _MANY + 1):
             points = begin.points(pose)
             push = w * self.loads.size - self.loads.work(pose)[1]
-            answer = Increment(self.scene, points, pose, self.loads).solve(push)
+            answer = Increment(self.scene, points, pose, self.loads).solve(
+                push, is_rough=before > _FAR and push > _FAR * self.size * self.loads.size
+            )
             if not isinstance(answer, Found):
                 is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
                 return _Failed(w, "blocked" if is_blocked else "falls", moved)
@@ -128,12 +137,14 @@ class _Walk:
                 if apart.gap.min(initial=0.0) < -CLOSED * self.size:
                     return _Failed(w, "not-converged", moved)
                 return found
+            if iterate >= _FEW and size > _FAR:
+                break
             # Where mechanisms compete, whole iterates go to and fro between them.
             share = min(1.0, 2.0 * share) if size < 0.5 * before else max(0.5 * share, 0.125)
             before = size
             step = min(share if iterate > 4 else 1.0, _TURN / max(float(turned.max()), 1e-300))
             pose = pose.moved(self.scene.free, step * answer.d)
-        return _Failed(w, "not-converged" if before < 0.1 else "falls", moved)
+        return _Failed(w, "not-converged" if size < 0.1 else "falls", moved)
 
     def _shown(
         self, pose: Pose, points: Points, answer: Found, w: float, residual: float, iterates: int
@@ -153,12 +164,13 @@ class _Walk:
         points, n = shown.points, shown.forces[:, 0]
         bears = n > CLOSED * n.max(initial=0.0)
         opened = points.gap[bears & (points.distance <= CLOSED * self.size)]
-        slip = np.linalg.norm(points.slip[bears], axis=1)
+        slip = points.friction[bears] * np.linalg.norm(points.slip[bears], axis=1)
         return float(opened.max(initial=0.0)), bool((slip > CLOSED * self.size).any())
 
     def resume(self, path: Path) -> None:
         """Take over what a path has found, to go on from its end."""
         free, self.snaps = self.scene.free, [*path.snaps]
+        self.cuts = [*path.snaps]
         for shown in path:
             ways = np.array([shown.displacements[self.scene.blocks[i].id] for i in free])
             pose = self.begin.pose.moved(free, ways)
@@ -188,6 +200,8 @@ class _Walk:
             if isinstance(first, _Failed):
                 return "not-converged", "the first configuration has no solution"
             self.keep(first)
+        if self.found[-1].shown.load_factor <= until:
+            return "zero", f"the load factor is no more than {until:g} from the start"
         h = self.step = step or self.size / 40.0
         pace = np.inf
         while len(self.found) <= _MOST:
@@ -198,60 +212,76 @@ class _Walk:
                 if h < _FINEST * self.step:
                     return there.kind, self._why(there)
                 continue
-            if self._may_have_jumped(here, there, pace):
-                low, high = self._jump(here, there, pace)
-                if high is not there:
-                    self.snaps.append(low.shown.w)
-                    if low is not here:
-                        self.keep(low)
-                    self.keep(high)
-                    pace = np.inf
-                    if high.shown.load_factor <= until:
-                        return "zero", f"the load factor drops below {until:g} in a snap"
-                    continue
+            jump = self._jump(here, there) if self._may_have_jumped(here, there, pace) else None
+            if jump is not None:
+                low, high = jump
+                if low is not here:
+                    self.keep(low)
+                self.cuts.append(low.shown.w)
+                way, whole = (y.shown.w - x.shown.w for x, y in (jump, (here, there)))
+                if self.distance(low, high) / way > _JUMP * self.distance(here, there) / whole:
+                    self.snaps.append(low.shown.w)  # else a contact closed, and the curve goes up
+                self.keep(high)
+                if high.shown.load_factor <= until:
+                    return "zero", f"the load factor drops below {until:g} in a snap"
+                pace = np.inf
+                continue
             pace = self.distance(here, there) / h
-            if there.shown.load_factor - until <= self._enough:
+            if there.shown.load_factor <= until + self._enough(there):
                 self.keep(self._end(here, there, until))
                 return "zero", f"the load factor has come down to {until:g}"
             self.keep(there)
-            h = min(self.step, 2.0 * h)
-            if len(self.found) == 2 and step is None:
+            h = 2.0 * h if step is None else min(step, 2.0 * h)
+            if step is None:
                 fall = here.shown.load_factor - there.shown.load_factor
-                left = (there.shown.load_factor - until) * there.shown.w
-                h = self.step = max(left / max(_STEPS * fall, left / self.size), there.shown.w)
+                fall /= there.shown.w - here.shown.w
+                left = (there.shown.load_factor - until) / max(fall, 1e-300)
+                h = min(h, (there.shown.w + left) / _STEPS, self.size / _STEPS)
+                self.step = max(h, self.step)
         return "steps", f"{_MOST} configurations did not bring the load factor down to {until:g}"
 
     def _may_have_jumped(self, here: _At, there: _At, pace: float) -> bool:
-        """Where blocks moved farther than at the pace so far, or the dead load has risen by less
-        than the work that the load factors at both ends stand for."""
-        if self.distance(here, there) > _AHEAD * pace * (there.shown.w - here.shown.w):
+        """Where blocks moved farther than at the pace so far, or the dead load's rise is not the
+        work that the load factors at both ends stand for."""
+        ahead = _JUMP if there.slides else _AHEAD
+        if self.distance(here, there) > ahead * pace * (there.shown.w - here.shown.w):
             return True
+        if there.slides:  # what slides changes direction without a jump
+            return False
         rise = self.loads.work(here.pose)[0] - self.loads.work(there.pose)[0]
         way = self.loads.size * (there.shown.w - here.shown.w)
         area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
-        return rise < area - 0.01 * way * abs(self.found[0].shown.load_factor)
+        return abs(rise - area) > 0.01 * way * abs(self.found[0].shown.load_factor)
 
-    def _jump(self, low: _At, high: _At, pace: float) -> tuple[_At, _At]:
-        """The last configuration before a jump and the first after it: halves in which blocks move
-        farther are halved again. Without a jump halves are alike, and the two stay as given."""
-        given = low, high
-        while high.shown.w - low.shown.w > _FINEST * self.step:
+    def _jump(self, low: _At, high: _At) -> tuple[_At, _At] | None:
+        """The last configuration before a jump and the first after it, if there is one: halves in
+        which more happens are halved again. What is smooth spreads over all sixteenths."""
+
+        def happens(one: _At, other: _At) -> FloatArray:
+            fall = abs(one.shown.load_factor - other.shown.load_factor)
+            return np.array([fall, self.distance(one, other)])
+
+        whole, halvings = np.maximum(happens(low, high), 1e-300), 0
+        while high.shown.w - low.shown.w > _FINEST * self.step or halvings < 4:
             middle = self.settle(low, 0.5 * (low.shown.w + high.shown.w))
             if isinstance(middle, _Failed):
-                return given
-            before, after = self.distance(low, middle), self.distance(middle, high)
-            if max(before, after) < 0.7 * (before + after):
-                return given
-            low, high = (low, middle) if before > after else (middle, high)
+                return None
+            halves = happens(low, middle) / whole, happens(middle, high) / whole
+            low, high = (low, middle) if halves[0].sum() > halves[1].sum() else (middle, high)
+            halvings += 1
+            if halvings >= 4 and (happens(low, high) / whole).max() < 0.25:
+                return None
         return low, high
 
-    @property
-    def _enough(self) -> float:
-        """How near to the load factor asked for a path ends."""
-        return 0.1 * ZERO * abs(self.found[0].shown.load_factor)
+    def _enough(self, found: _At) -> float:
+        """How near to its end a path has to come."""
+        share = SLIDING if found.slides else 0.1 * ZERO
+        return share * abs(self.found[0].shown.load_factor)
 
     def _end(self, here: _At, there: _At, until: float) -> _At:
         """The configuration between two at which the load factor is ``until``."""
+        if there.shown.load_factor >= until - self._enough(there):
+            return there
         found = {x.shown.w: x for x in (here, there)}
 
         def left(w: float) -> float:
@@ -261,7 +291,7 @@ class _Walk:
                     raise ArithmeticError
                 found[w] = at
             rest = found[w].shown.load_factor - until
-            return rest if abs(rest) > self._enough else 0.0
+            return rest if abs(rest) > self._enough(found[w]) else 0.0
 
         with suppress(ArithmeticError):
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
@@ -284,7 +314,7 @@ class _Walk:
         w = np.array([x.shown.w for x in self.found])
         alpha = np.array([x.shown.load_factor for x in self.found])
         energy = np.array([-self.loads.work(x.pose)[0] for x in self.found])
-        cuts = [0, *(int(np.searchsorted(w, s, side="right")) for s in self.snaps), len(w)]
+        cuts = [0, *(int(np.searchsorted(w, s, side="right")) for s in self.cuts), len(w)]
         for begin, end in pairwise(cuts):
             if end - begin > 1:
                 curve = CubicSpline(w[begin:end], alpha[begin:end])
@@ -318,7 +348,8 @@ def pushover(
         given.
     step : float or None
         Of w, the mean displacement of the live load, in the scene's unit of length; None: an eighth
-        of what the first slope takes to ``until``. Where an iterate fails, it is halved.
+        of what the last slope takes to ``until``, at most an eighth of the contact size. Where no
+        equilibrium is found, it is halved.
     until : float
         Load factor at which the path ends.
     flow : {"associated"}
@@ -344,8 +375,7 @@ def pushover(
     NoAnswerError
         For a scene that does not stand, and a live load that does no harm.
     ModelError
-        For cohesion, tensile or compressive strength, ties, pressures and moments, and for unknown
-        choices.
+        For cohesion, tensile or compressive strength, ties and pressures, and for unknown choices.
 
     Example
     -------
@@ -458,13 +488,10 @@ def _refuse(scene: Scene) -> None:
             has = has or f"pressures in the {name} load, as on block {load.pressures[0].block!r}"
         if load.growing:
             has = has or f"inertia that grows with height in the {name} load"
-        for block, force in load.forces.items():
-            if any(force[3:]):
-                has = has or f"moments in the {name} load, as on block {block!r}"
     if has:
         raise ModelError(
-            f"scene {scene.name!r} has {has}: paths know dry friction and forces only; leave it "
-            "out, or solve for the load factor alone"
+            f"scene {scene.name!r} has {has}: paths know dry friction, and loads that do not turn "
+            "with the blocks; leave it out, or solve for the load factor alone"
         )
 
 

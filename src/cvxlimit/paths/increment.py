@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
@@ -29,11 +30,14 @@ from cvxlimit.paths.path import Points
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import Outcome, settings_for
 from cvxlimit.surfaces import Rocking
-from cvxlimit.surfaces.base import Condition, Norm, times
+from cvxlimit.surfaces.base import Condition, Norm, product, times
 
 LADDER = (settings_for("BLOCKWISE", 1e-12), settings_for("CLARABEL", 1e-12))
 """A point that should carry nothing carries at most this over its gap, which is what keeps the
 load factor of a hinge from being exact."""
+
+ROUGH = (settings_for("BLOCKWISE", 1e-7), *LADDER[1:])
+"""For iterates that are far off."""
 
 
 def point_forces(contacts: Contacts) -> ForceModel:
@@ -69,18 +73,27 @@ class Loads:
         return found[0], found[1]
 
     def work(self, pose: Pose) -> tuple[float, float]:
-        """Of the dead and of the live load on the way from the blocks' first places."""
+        """Of the dead and of the live load on the way from the blocks' first places; of moments,
+        which do not turn with the blocks, on the rotation vectors."""
         found = []
         for what in self._actions:
             block = self.scene.free[what.block]
             way = pose.placed(block, what.at) - what.at
-            found.append(float((what.force * way).sum()))
+            work = float((what.force * way).sum())
+            if what.moment.any():
+                turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
+                work += float((what.moment * turn).sum())
+            found.append(work)
         return found[0], found[1]
 
     @cached_property
     def size(self) -> float:
-        """Sum of the live load's forces: its work over this is w."""
-        return float(np.linalg.norm(self._actions[1].force, axis=1).sum())
+        """Sum of the live load's forces: its work over this is w. Of moments alone, over the
+        contact size."""
+        live = self._actions[1]
+        force = float(np.linalg.norm(live.force, axis=1).sum())
+        moment = float(np.linalg.norm(live.moment, axis=1).sum())
+        return force or moment / self.scene.contacts.typical_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,22 +152,22 @@ class Increment:
             factor = scaling.load_factor(1.0) / (scaling.force * unit)
             goal = times(factor * push, found.factor)
             at = np.zeros(len(mu), np.int64)
-            given = zip(("n", "v1", "v2"), (gap, *slip), (1.0, mu, mu), strict=True)
+            given: Any = zip(("n", "v1", "v2"), (gap, *slip), (1.0, mu, mu), strict=True)
             for name, lack, weight in given:
                 own = found.forces[name]
-                goal = goal - gathered(times(weight * lack / unit, own), at, 1)
+                goal = goal - gathered(times(product(weight / unit, lack), own), at, 1)
             return goal
 
         return stated
 
-    def solve(self, push: float | None) -> Found | Outcome:
+    def solve(self, push: float | None, is_rough: bool = False) -> Found | Outcome:
         """The answer, or what the last solver said where none has one; with nothing to ``push``
         towards, the largest load factor, whose d is a rate."""
         gap, slip = self.points.gap, self.points.slip
         goal = LARGEST_FACTOR if push is None else self.goal(push, gap, (slip[:, 0], slip[:, 1]))
         problem = self.problem(goal)
         scaling, mu = self.assemblage.scaling, self.points.friction
-        for settings in LADDER:
+        for settings in ROUGH if is_rough else LADDER:
             state = problem.run(settings)
             if state.mechanism is not None and state.internal is not None:
                 n, v1, v2 = state.internal.reshape(3, -1)

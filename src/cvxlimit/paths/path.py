@@ -26,6 +26,9 @@ PROVES = "a bracket proves the load factor of its configuration, not that the st
 ZERO = 1e-8
 """Load factors below this share of the first are zero: a path ends as near to it as that."""
 
+SLIDING = 1e-3
+"""The same where joints slide: the curve depends on the step by more."""
+
 
 @dataclass(frozen=True, eq=False)
 class Points:
@@ -210,7 +213,8 @@ class Path:
     @cached_property
     def d0(self) -> float:
         """Displacement at which the load factor is first zero; NaN where the path ends before."""
-        found = np.flatnonzero(self.load_factor <= ZERO * abs(self.load_factor[0]))
+        zero = SLIDING if self.slides else ZERO
+        found = np.flatnonzero(self.load_factor <= zero * abs(self.load_factor[0]))
         return float(self.displacement[found[0]]) if len(found) else float("nan")
 
     @property

@@ -75,18 +75,19 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray]:
     plane = np.stack([pose.placed(pairs.block[k], pairs.plane[k]) for k in (0, 1)])
     mean = _unit(normal[0] - normal[1])
     basis = _tangents(mean)
-    tail, along, flat_tail, flat_along = [], [], [], []
+    tail, along = list[FloatArray](), list[FloatArray]()
+    flat_tail, flat_head = list[FloatArray](), list[FloatArray]()
     for k, pair in enumerate(pairs.pair):
         ends = [pose.placed(pairs.block[k][pair], x[k]) for x in (pairs.tail, pairs.head)]
         tail.append(ends[0])
         along.append(ends[1] - ends[0])
-        flat_tail.append(np.einsum("eix,ex->ei", basis[pair], ends[0] - plane[0][pair]))
-        flat_along.append(np.einsum("eix,ex->ei", basis[pair], along[k]))
+        for flat, x in ((flat_tail, ends[0]), (flat_head, ends[1])):
+            flat.append(np.einsum("eix,ex->ei", basis[pair], x - plane[0][pair]))
     i, j = pairs.couples
     near, edges = NEAR * size, (i, j)
     is_over = [
         _inside(flat_tail[k], edges[k], flat_tail[1 - k][edges[1 - k]],
-                flat_along[1 - k][edges[1 - k]], near)
+                flat_head[1 - k][edges[1 - k]], near)
         for k in (0, 1)
     ]  # fmt: skip
     # A corner of a at one of b's where the planes are parallel is the same point once more.
@@ -94,6 +95,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray]:
     is_same = (apart <= near) & is_over[1][j]
     is_same &= (np.einsum("px,px->p", normal[0], normal[1]) < NEAR - 1.0)[pairs.pair[0][i]]
     is_over[0][i[is_same]] = False
+    flat_along = [head - tail for head, tail in zip(flat_head, flat_tail, strict=True)]
     s, t = _crossings(flat_tail[0][i], flat_along[0][i], flat_tail[1][j], flat_along[1][j], near)
     crossed = np.flatnonzero(np.isfinite(s))
     i, j = i[crossed], j[crossed]
@@ -165,12 +167,13 @@ def _widths(pair: IntArray, x: FloatArray, basis: FloatArray) -> FloatArray:
 
 
 def _inside(
-    corner: FloatArray, of: IntArray, tail: FloatArray, along: FloatArray, near: float
+    corner: FloatArray, of: IntArray, tail: FloatArray, head: FloatArray, near: float
 ) -> BoolArray:
     """Which of the corners (c, 2) lie in an outline or near it; edges (e, 2) are those of the
-    outline that corner ``of`` (e,) is looked for in. A ray crosses it an odd number of times."""
-    to_tail = tail - corner[of]
-    to_head = to_tail + along
+    outline that corner ``of`` (e,) is looked for in. A ray crosses it an odd number of times, if
+    edges that meet have the very same end."""
+    to_tail, to_head = tail - corner[of], head - corner[of]
+    along = head - tail
     is_across = (to_tail[:, 1] > 0.0) != (to_head[:, 1] > 0.0)
     rise = np.where(is_across, along[:, 1], 1.0)
     is_across &= to_tail[:, 0] - to_tail[:, 1] * along[:, 0] / rise > 0.0
