@@ -410,7 +410,7 @@ def pushover(
     walk = _Walk(scene, certify, reach or REACH * size, progress or (lambda line: None))
     if before is not None:
         walk.resume(before)
-        if before[-1].load_factor - until <= walk._enough:
+        if before[-1].load_factor - until <= walk._enough(walk.found[-1]):
             return replace(before, control=about)
     ending: tuple[Ending, str]
     try:
