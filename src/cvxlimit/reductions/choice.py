@@ -216,8 +216,8 @@ PACES: Mapping[str, tuple[float, float]] = MappingProxyType(
 some five (docs/evidence/speed.md#other-methods). Planar scenes take a third or less."""
 
 PROBLEMS = 500
-"""That zero dilatancy solves, most of them in walks, unless its bracket closes before; none in less
-than a millisecond."""
+"""That zero dilatancy solves, most of them in walks, unless its bracket closes before, and up to
+twice as many in space; none in less than a millisecond."""
 
 
 MEANING: Mapping[str, str] = MappingProxyType(
@@ -266,7 +266,7 @@ class Explanation:
         lines += [f"{name}: {MEANING[name]}" for name in self.sizes if name in MEANING]
         lines.append(f"solver: {self.solver}, because {self.reason}")
         lines.append(f"expected time: {_said(self.seconds)} to solve, on one idle core")
-        many = {"zero-dilatancy": f" for some {PROBLEMS} problems"}
+        many = {"zero-dilatancy": f" for {PROBLEMS} to {2 * PROBLEMS} problems"}
         others = [f"{name} {_said(s)}{many.get(name, '')}" for name, s in self.methods.items()]
         lines += [f"other methods, roughly: {', '.join(others)}"] * bool(others)
         lines += [f"geometry: {said}" for said in self.told]
