@@ -19,7 +19,7 @@ from turning import END, B, H, angle_at, turning, wall
 
 @pytest.fixture(scope="module")
 def path() -> Path:
-    return pushover(wall(2), step=0.08, until=0.1)
+    return pushover(wall(1), step=0.08, until=0.1)
 
 
 def test_a_file_is_proved_from_what_it_holds(path: Path, tmp_path: File) -> None:
@@ -27,7 +27,7 @@ def test_a_file_is_proved_from_what_it_holds(path: Path, tmp_path: File) -> None
     proof = prove(tmp_path / "path.json")
     assert proof.is_proved
     assert f"{len(path)} configurations in equilibrium, {len(path)} of them with br" in str(proof)
-    assert prove(path, wall(2)).is_proved
+    assert prove(path, wall(1)).is_proved
     with pytest.raises(InputError, match="of another scene"):
         prove(path, wall(3))
 
@@ -77,7 +77,7 @@ def test_other_claims_that_were_changed_are_not_proved(path: Path) -> None:
 
 def test_a_path_goes_on_as_if_it_had_never_ended(path: Path, tmp_path: File) -> None:
     path.save(tmp_path / "path.json")
-    on, whole = pushover(read_path(tmp_path / "path.json")), pushover(wall(2), step=0.08)
+    on, whole = pushover(read_path(tmp_path / "path.json")), pushover(wall(1), step=0.08)
     assert on.status == "zero"
     assert on.d0 == pytest.approx(B / 2, abs=1e-8)
     assert on.d0 == pytest.approx(whole.d0, abs=1e-8)
@@ -89,16 +89,15 @@ def test_a_path_goes_on_as_if_it_had_never_ended(path: Path, tmp_path: File) -> 
 def test_a_configuration_between_two_of_the_path_has_the_closed_form_and_a_bracket(
     path: Path,
 ) -> None:
-    """Of any control point: that of the upper course is a quarter of the height above the
-    centre."""
+    """Of any control point; along a slope, the rise of the centre counts too."""
     found = configuration_at(path, 0.05)
     angle = angle_at(0.05)
     assert found.load_factor == pytest.approx(np.tan(END - angle), abs=1e-9)
     assert found.bracket is not None
     assert found.bracket.width < 1e-9
-    top = replace(path, control=("c1", (1.0, 0.0, 0.0)))
-    at = B / 2 * (1 - np.cos(angle)) + 0.75 * H * np.sin(angle)
-    assert configuration_at(top, at).w == pytest.approx(0.05, abs=1e-8)
+    rise = H / 2 * (np.cos(angle) - 1) + B / 2 * np.sin(angle)
+    slope = replace(path, control=("c0", (3.0, 0.0, 4.0)))
+    assert configuration_at(slope, 0.6 * 0.05 + 0.8 * rise).w == pytest.approx(0.05, abs=1e-8)
 
 
 def test_the_code_check_does_not_depend_on_the_steps() -> None:
@@ -114,12 +113,16 @@ def test_what_does_not_begin_or_go_on_is_refused(path: Path) -> None:
         pushover(path, control=("c9", (1, 0, 0)))
 
 
-def test_a_snap_is_not_interpolated_across() -> None:
-    path = pushover(builtin_scene("arch"), certify="none")
-    (snap,) = path.snaps
-    after = path.pieces[1][0]
-    between = 0.5 * (snap + path.w[after])
-    assert configuration_at(path, between) is path[after]
+def test_a_snap_is_not_interpolated_across(path: Path) -> None:
+    snapped = replace(path, snaps=(float(path.w[1]),))
+    assert configuration_at(snapped, 0.5 * (path.w[1] + path.w[2])) is path[2]
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("name", ["arch", "house-corner"])
+def test_paths_that_snap_or_slide_are_proved_again(name: str) -> None:
+    path = pushover(builtin_scene(name))
+    assert path.snaps or path.slides
     assert prove(path).is_proved
 
 
