@@ -7,8 +7,9 @@ import pytest
 
 from cvxlimit import Block, Load, Scene
 from cvxlimit.errors import ModelError
-from cvxlimit.masonry import single_block
+from cvxlimit.masonry import running_bond, single_block, wall
 from cvxlimit.methods.dilatancy.displaced import increment
+from helpers import hand_equilibrium
 
 SQUAT = single_block((1.0, 1.0, 0.5), friction=0.6)
 LIVE = float(np.abs(SQUAT.live_forces).sum())
@@ -54,6 +55,29 @@ def test_an_open_lintel_does_not_clamp() -> None:
     assert found.load_factor == pytest.approx(0.4, rel=1e-5)
     assert np.abs(found.forces[gap > 0.0]).max() < 1e-4 * np.abs(scene.dead_forces).sum()
     assert (gap + found.moved[:, 2]).min() > -1e-6
+
+
+def test_loss_by_virtual_work() -> None:
+    """A wall with gaps and slips: what forces in balance do on the increment is known without the
+    points, and at none of them do the forces exceed friction."""
+    rng = np.random.default_rng(0)
+    scene = wall(running_bond(2, 3), unit=(0.4, 0.2, 0.15), density=20.0, friction=0.5,
+                 live=Load(acceleration=(1, 0.3, 0)))  # fmt: skip
+    _, dead, live = hand_equilibrium(scene)
+    at = scene.contacts.corner_contact
+    gap, slip = 1e-3 * rng.uniform(size=len(at)), 1e-3 * rng.normal(size=(len(at), 2))
+    found = increment(scene, 0.01 * np.abs(live).sum(), gap, slip)
+    d, way = found.displacement.ravel(), np.column_stack([slip, gap]) + found.moved
+    assert live @ d == pytest.approx(0.01 * np.abs(live).sum(), rel=1e-6)
+    work = (dead + found.load_factor * live) @ d
+    assert (found.forces * found.moved).sum() == pytest.approx(-work, abs=1e-6 * abs(work))
+    most = scene.contacts.friction[at] * found.forces[:, 2]
+    assert (np.linalg.norm(found.forces[:, :2], axis=1) - most).max() < 1e-6 * np.abs(dead).sum()
+    lost = (found.forces * way).sum() + most @ np.linalg.norm(way[:, :2], axis=1)
+    size = found.load_factor * (live @ d)
+    assert found.loss == pytest.approx(lost, abs=1e-5 * size)
+    assert found.loss < 2e-6 * size
+    assert way[:, 2].min() > -1e-7
 
 
 def test_refusals() -> None:
