@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, EdgeTable, Faces, flipped, linked
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.geometry.shells import Shells, by_shell, nested, volumes
+from cvxlimit.io.fields import one_line
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +32,20 @@ class Body:
     is_support: bool | None = None
     density: float | None = None
     is_box: bool = False
+
+
+@contextmanager
+def read_by_others(kind: str, cure: str) -> Iterator[None]:
+    """Refuse in one sentence what a library stumbles over: its parsers let anything through."""
+    try:
+        yield
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise InputError("the file claims more than fits into memory") from error
+    except Exception as error:
+        reason = one_line(f"{type(error).__name__}: {error}")[:200]
+        raise InputError(f"cannot be read as {kind} ({reason}); {cure}") from error
 
 
 def natural(name: str) -> list[tuple[bool, int, str]]:

@@ -21,7 +21,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line, read_bytes, shown
-from cvxlimit.io.geometry.bodies import Body, merged
+from cvxlimit.io.geometry.bodies import Body, merged, read_by_others
 
 Polygons = tuple[FloatArray, list[list[int]]]
 
@@ -58,17 +58,11 @@ def read_dxf(path: Path) -> list[Body]:
     log.addHandler(logging.NullHandler())
     was, log.propagate = log.propagate, False  # it logs what it mends
     try:
-        document, _ = recover.read(io.BytesIO(data))
-        _check_size(document)
-        entities = disassemble.recursive_decompose(document.modelspace())
-        return _bodies(entities)
-    except InputError:
-        raise
-    except MemoryError as error:
-        raise InputError("the file claims more than fits into memory") from error
-    except Exception as error:  # ezdxf lets through whatever its parsers stumble over
-        reason = one_line(f"{type(error).__name__}: {error}")[:200]
-        raise InputError(f"cannot be read as DXF ({reason}); save it as text again") from error
+        with read_by_others("DXF", "save it as text again"):
+            document, _ = recover.read(io.BytesIO(data))
+            _check_size(document)
+            entities = disassemble.recursive_decompose(document.modelspace())
+            return _bodies(entities)
     finally:
         log.propagate = was
 

@@ -21,8 +21,8 @@ import numpy as np
 
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import one_line, parsed, read_bytes, shown
-from cvxlimit.io.geometry.bodies import Body, merged, natural
+from cvxlimit.io.fields import parsed, read_bytes, shown
+from cvxlimit.io.geometry.bodies import Body, merged, natural, read_by_others
 
 MESHES = (".stl", ".ply", ".glb", ".gltf")
 
@@ -45,16 +45,9 @@ def read_mesh(path: Path) -> list[Body]:
         options["resolver"] = _Beside(path)
     elif kind == "stl":
         _check_stl(data)
-    try:
+    with read_by_others(kind.upper(), "export it again"):
         scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, **options)
         return [_body(name, mesh) for name, mesh in _instances(scene)]
-    except InputError:
-        raise
-    except MemoryError as error:
-        raise InputError("the file claims more than fits into memory") from error
-    except Exception as error:  # trimesh lets through whatever its parsers stumble over
-        reason = one_line(f"{type(error).__name__}: {error}")[:200]
-        raise InputError(f"cannot be read as {kind.upper()} ({reason}); export it again") from error
 
 
 def _instances(scene: Any) -> Iterator[tuple[str, Any]]:
