@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cvxlimit import Block, Load, PointForce, Pressure, Scene, Status, builtin_scene, solve
+from cvxlimit import (
+    Block,
+    GrowingAcceleration,
+    Load,
+    PointForce,
+    Pressure,
+    Scene,
+    Status,
+    builtin_scene,
+    solve,
+)
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry import arch, single_block
@@ -71,7 +81,10 @@ def loaded(scene: Scene) -> Scene:
         acceleration=(1, 0.1, 0),
         forces={block.id: (0.2 * weight, 0, 0, 0, 0.02 * weight * block.size, 0)},
         points=[PointForce(block.id, tuple(top), (0.3 * weight, 0.1 * weight, 0))],
-        pressures=[Pressure(block.id, (0, 0, 1), 0.4 * weight / block.size**2)],
+        pressures=[
+            Pressure(block.id, (0, 0, 1), 0.4 * weight / block.size**2, (0.3, 0, 0), tuple(top))
+        ],
+        growing=[GrowingAcceleration((0.2, 0, 0.05), (0, 0, 0), tuple(top))],
     )
     dead = replace(scene.dead, forces={block.id: (0, 0, -weight, 0, 0, 0)})
     return replace(scene, live=push, dead=dead)
@@ -232,6 +245,28 @@ class TestClosedForms:
         assert by["points", "fx"] == pytest.approx(-factor / 3.0, rel=1e-6)
         assert by["points", "z"] == pytest.approx(-factor / 1.6, rel=1e-6)
         assert found.elasticity("weight").sum() == pytest.approx(1.0, rel=1e-6)
+
+    def test_linear_pressures_and_growing_inertia(self) -> None:
+        """alpha = (W / 2) / (p / 2 + g (1/2 - 1/6) + 2/3 W a), of a unit cube under a pressure p
+        that grows by g downwards from its top, and an acceleration a that grows with height; its
+        live parts are one load, of which alpha is inversely proportional."""
+        water = Pressure("b1", (-1, 0, 0), 1.5, (0, 0, -2.0), (0, 0, 1), (0, 0, -1))
+        growing = GrowingAcceleration((0.5, 0, 0), (0, 0, 0), (0, 0, 1))
+        live = Load(pressures=[water], growing=[growing])
+        found = solve(replace(single_block((1, 1, 1), friction=3.0), live=live)).sensitivity()
+        scene = found.solution.drawn_scene
+        weight = scene.total_weight
+        moment = 0.75 + 2.0 / 6.0 + 0.5 * weight / 3.0
+        alpha = weight / 2.0 / moment
+        assert found.factor == pytest.approx(alpha, rel=1e-6)
+        by = {(row.kind, row.component): row for row in found.loads if row.case == "live"}
+        for key, arm in (
+            (("pressures", "pressure"), 0.5),
+            (("pressures", "gradient.z"), -1.0 / 6.0),
+            (("growing", "x"), weight / 3.0),
+        ):
+            assert by[key].derivative == pytest.approx(-alpha * arm / moment, rel=1e-5), key
+        assert sum(row.value * row.derivative for row in by.values()) == pytest.approx(-alpha)
 
     def test_the_tuff_wall(self) -> None:
         found = solve(builtin_scene("tuff-wall")).sensitivity()

@@ -25,6 +25,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.facing import patches
+from cvxlimit.geometry.mesh import volume_and_centroid
 from cvxlimit.model.flow import FlowRule, StrengthRows, corner_openings
 from cvxlimit.model.formulations import corner_compressions, model_of
 from cvxlimit.model.mortar import without_tension
@@ -32,7 +33,7 @@ from cvxlimit.model.statics import Statics
 from cvxlimit.readings.corners import Follows, Shapes, followed, volume_slopes
 from cvxlimit.readings.uniqueness import others
 from cvxlimit.readings.utilisation import forces_of
-from cvxlimit.scene import Load, Scene
+from cvxlimit.scene import Load
 from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import relative_rates, velocity_of
 from cvxlimit.surfaces import YieldSurface
@@ -188,14 +189,6 @@ def _by_joint(proof: Proof, name: str) -> FloatArray:
     return np.asarray(found)
 
 
-def times(load: Load, scene: Scene) -> FloatArray:
-    """Multiples of its weight (blocks, 3) that a load puts on every block."""
-    result = np.zeros((len(scene.blocks), 3))
-    for part in (load.gravity, load.acceleration):
-        result += 0.0 if part is None else np.array(part)
-    return result + [load.weights.get(block.id, (0.0, 0.0, 0.0)) for block in scene.blocks]
-
-
 def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], BoolArray]:
     """By the joints' own values, and by all vertices (v, 3) through the joints' geometry; and which
     vertices (v,) are on edges where two blocks end together."""
@@ -236,12 +229,14 @@ def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], Boo
     return {name: _by_joint(proof, name) for name in JOINTS} | {"vertices": vertices}, shared
 
 
-def add_bodies(
-    proof: Proof, factor: float, times: FloatArray, vertices: FloatArray, start: IntArray
-) -> None:
+def add_bodies(proof: Proof, factor: float, vertices: FloatArray, start: IntArray) -> None:
     """What volumes, centroids and faces under pressure give, with moments about the centroids as
-    they were; forces at points stay where they are."""
+    they were; forces at points and pressures on given polygons stay where they are."""
     scene = proof.scene
+    plain = [
+        replace(load, growing=()).per_weight(scene.blocks) for load in (scene.dead, scene.live)
+    ]
+    times = (plain[0] + factor * plain[1])[:, :3]
     for i in scene.free.tolist():
         block, rates = scene.blocks[i], proof.rates[i]
         volume, centroid = volume_slopes(block)
@@ -250,28 +245,37 @@ def add_bodies(
         central = block.weight * times[i]
         for load, by in ((scene.dead, 1.0), (scene.live, factor)):
             central = central + by * np.array(load.forces.get(block.id, np.zeros(6)))[:3]
-            pressures = [p for p in load.pressures if p.block == block.id]
-            if pressures:
-                own -= by * _by_faces(Load(pressures=pressures), block, rates)
+            pressures = [p for p in load.pressures if p.block == block.id and p.corners is None]
+            if pressures or load.growing:
+                shaped = Load(pressures=pressures, growing=load.growing)
+                own -= by * _by_shape(shaped, block, rates)
         own -= np.einsum("vcx,c->vx", centroid, np.cross(central, rates[3:]))
 
 
-def _by_faces(load: Load, block: Block, rates: FloatArray) -> FloatArray:
+def _by_shape(load: Load, block: Block, rates: FloatArray) -> FloatArray:
     found, step = np.zeros_like(block.vertices), _STEP * block.size
     for at in np.ndindex(found.shape):
         ends = []
         for way in (step, -step):
-            moved = block.vertices.copy()
-            moved[at] += way
-            ends.append(float(load.on([replace(block, vertices=moved)])[0] @ rates))
+            points = block.vertices.copy()
+            points[at] += way
+            volume, centroid = volume_and_centroid(points, block.faces)
+            moved = replace(block, vertices=points, volume=volume, centroid=centroid)
+            force = load.on([moved])[0]
+            speed = rates[:3] + np.cross(rates[3:], centroid - block.centroid)
+            ends.append(float(force[:3] @ speed + force[3:] @ rates[3:]))
         found[at] = (ends[0] - ends[1]) / (2.0 * step)
     return found
+
+
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def by_loads(proof: Proof, factor: float) -> list[ByLoad]:
     scene, found = proof.scene, list[ByLoad]()
     place = {block.id: i for i, block in enumerate(scene.blocks)}
     weights = np.array([block.weight for block in scene.blocks])[scene.free]
+    own = weights[:, None] * proof.rates[scene.free]
     for case, load, by in (("dead", scene.dead, 1.0), ("live", scene.live, factor)):
 
         def add(kind: str, block: str, names: str, values: Any, slopes: Any) -> None:
@@ -294,6 +298,22 @@ def by_loads(proof: Proof, factor: float) -> list[ByLoad]:
             turned = np.cross(np.array(p.force), proof.rates[one[0], 3:])
             add("points", p.block, "x y z", p.at, turned)
         for q in load.pressures:
-            unit = Load(pressures=[replace(q, pressure=1.0)]).on([scene.blocks[place[q.block]]])
-            add("pressures", q.block, "pressure", q.pressure, unit[0] @ proof.rates[place[q.block]])
+            none, at_one = (
+                replace(q, pressure=0.0, gradient=(0, 0, 0)),
+                (scene.blocks[place[q.block]],),
+            )
+            units = [replace(none, pressure=1.0)]
+            if q.at is not None:
+                units += [replace(none, gradient=axis) for axis in _AXES]
+            names = "pressure gradient.x gradient.y gradient.z" if q.at is not None else "pressure"
+            slopes = [
+                Load(pressures=[u]).on(at_one)[0] @ proof.rates[place[q.block]] for u in units
+            ]
+            add("pressures", q.block, names, [q.pressure, *q.gradient][: len(units)], slopes)
+        for g in load.growing:
+            one_g = [Load(growing=[replace(g, acceleration=axis)]) for axis in _AXES]
+            slopes = [
+                float((unit.per_weight(scene.blocks)[scene.free] * own).sum()) for unit in one_g
+            ]
+            add("growing", "", "x y z", g.acceleration, slopes)
     return found

@@ -21,7 +21,6 @@ from cvxlimit.readings.derivatives import (
     add_bodies,
     by_joints,
     by_loads,
-    times,
 )
 from cvxlimit.readings.utilisation import solved_with
 from cvxlimit.scene import Scene
@@ -240,14 +239,14 @@ def sensitivity(solution: Solution) -> Sensitivity:
         for name, by in by_joints(other, start)[0].items()
     }
     one_sided["vertices"] = one_sided["vertices"].any(axis=1)
-    multiples = times(scene.dead, scene) + factor * times(scene.live, scene)
+    dead, live = (load.per_weight(scene.blocks) for load in (scene.dead, scene.live))
     by_vertex = found.pop("vertices")
-    add_bodies(proof, factor, multiples, by_vertex, start)
+    add_bodies(proof, factor, by_vertex, start)
     own, ids = proof.rates[scene.free], [block.id for block in scene.blocks]
     return Sensitivity(
         solution,
         **found,
-        weight=-(multiples[scene.free] * own[:, :3]).sum(axis=1),
+        weight=-((dead + factor * live)[scene.free] * own).sum(axis=1),
         dead=-own,
         live=-factor * own,
         vertices=dict(zip(ids, np.split(by_vertex, start[1:-1]), strict=True)),
