@@ -53,8 +53,9 @@ CODE += [pytest.param(snippets(page), id=page.stem) for page in TUTORIALS]
 
 
 @pytest.mark.exhaustive_cases(
-    "additions-5", "after-collapse-0", "after-collapse-2", "choosing-1", "closing-0", "dilatancy-0", "first-steps-1", "geometry-1",
-    "interaction-0", "pictures-0", "recipes-1", "recipes-7", "engineer", "researcher",
+    "additions-5", "after-collapse-0", "after-collapse-2", "choosing-1", "closing-0",
+    "dilatancy-0", "first-steps-1",
+    "geometry-1", "interaction-0", "pictures-0", "recipes-1", "recipes-7", "engineer", "researcher",
 )  # fmt: skip
 @pytest.mark.parametrize("code", CODE)
 def test_code_runs_and_prints_what_the_page_shows(

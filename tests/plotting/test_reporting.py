@@ -10,7 +10,18 @@ from pathlib import Path
 import pytest
 
 from browser import browser
-from cvxlimit import Block, Load, Scene, Solution, Tie, builtin_scene, settlement, solve
+from cvxlimit import (
+    Block,
+    Load,
+    Scene,
+    Solution,
+    Tie,
+    builtin_scene,
+    code_check,
+    pushover,
+    settlement,
+    solve,
+)
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError
 from cvxlimit.io import read_result, scene_digest, write_result
@@ -124,6 +135,17 @@ def test_sections_that_are_given(dam: Solution) -> None:
         assert said in words, said
     frame = dam.to_dataframe("blocks")
     assert "c5" in Read(dam.report(sensitivity=frame)).words
+
+
+def test_a_path_and_its_check() -> None:
+    """The block turns over its toe at 0.4, and has come down where its centroid is above it."""
+    wall = builtin_scene("single-block")
+    path = pushover(wall)
+    words = Read(solve(wall).report(path=path, check=code_check(path))).words
+    assert "0.4 with friction at points" in words
+    assert path.reason in words
+    for name, value, unit, _ in code_check(path).rows:
+        assert f"{name} {value:.6g} {unit}".rstrip() in words, name
 
 
 def test_friction_without_dilatancy_is_beside_it(dam: Solution) -> None:

@@ -15,6 +15,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.strengths import PROPERTIES
+from cvxlimit.paths.path import PROVES, Path
 from cvxlimit.plotting.look import printable
 from cvxlimit.plotting.movement import motion
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
@@ -217,8 +218,8 @@ def _mechanism(scene: Scene, solution: Solution) -> Rows:
         which = np.flatnonzero(moving.contacts.kind == kind).tolist()
         names = _names([scene.contacts.names[j] for j in which])
         yield f"joint {kind.name.lower()}", f"{len(which)} of {len(scene.contacts)}: {names}"
-    fast = [scene.blocks[i].id for i in np.argsort(-moving.speed, kind="stable")[:MOST_NAMES]]
-    yield "fastest blocks", _names(fast)
+    order = np.argsort(-moving.speed, kind="stable")
+    yield "fastest blocks", _names([scene.blocks[i].id for i in order if moving.speed[i] > 0.0])
 
 
 def _found(solution: Solution, digest: str) -> Rows:
@@ -242,8 +243,23 @@ def _found(solution: Solution, digest: str) -> Rows:
     )
 
 
+def _path(path: Path) -> Rows:
+    first, last = (f"{path.load_factor[k]:.5g}" for k in (0, -1))
+    way = f"{path.displacement[-1]:.5g} {path.scene.units.length}"
+    of = "the live load (mean)" if path.control is None else f"block {path.control[0]}"
+    yield "load factor", f"{first} with friction at points, {last} where the path ends"
+    yield "displacement", f"of {of}: {way} where it ends, after {len(path) - 1} steps"
+    yield "ends", path.reason
+    if path.snaps:
+        yield "snaps", f"{len(path.snaps)}: the structure jumps there"
+    yield "rests on", PROVES
+
+
 def _shown(value: Any) -> str:
-    """A text, a table of pandas, rows of anything with ``rows``, or what it says of itself."""
+    """A path, a text, a table of pandas, rows of anything with ``rows``, or what it says of
+    itself."""
+    if isinstance(value, Path):
+        return _table(_path(value))
     if hasattr(value, "columns") and hasattr(value, "itertuples"):
         named = [value.index.name or "", *map(str, value.columns)]
         return _grid(value.itertuples(), named)
