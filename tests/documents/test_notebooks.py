@@ -22,7 +22,7 @@ LARGEST = 400_000
 WANTED = {
     "change_the_problem", "imported_vault", "linearised_against_conic", "load_domains",
     "panels_of_the_paper", "speed_and_accuracy", "sweep", "tuff_wall", "yield_surfaces",
-    "your_own_surface", "zero_dilatancy",
+    "what_decides", "your_own_surface", "zero_dilatancy",
 }  # fmt: skip
 
 

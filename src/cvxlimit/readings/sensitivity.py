@@ -65,8 +65,6 @@ class Sensitivity:
         :meth:`both_sides` has both.
     has_other_mechanisms : bool
         True if the forces allow more than one mechanism: then every slope may be one-sided.
-    is_proved : bool
-        True if the solution is certified.
 
     Example
     -------
@@ -104,6 +102,7 @@ class Sensitivity:
 
     @property
     def factor(self) -> float:
+        """The load factor."""
         return float(self.solution.load_factor or 0.0)
 
     @property
@@ -116,7 +115,8 @@ class Sensitivity:
         for what, own in names.items():
             by = self.elasticity(what) if self.factor else np.zeros(len(own))
             if np.abs(by).max(initial=0.0) > _NOTHING:
-                found.append((what.replace("_", " "), f"{by.sum():+.3g} % for 1 % more everywhere; "
+                total = by.sum() if abs(by.sum()) > _NOTHING * np.abs(by).sum() else 0.0
+                found.append((what.replace("_", " "), f"{total:+.3g} % for 1 % more everywhere; "
                               f"{_most(by, own, '%')}"))  # fmt: skip
         size, ids = np.linalg.norm(self.moves, axis=1), [block.id for block in scene.blocks]
         if size.max() > 0.0:
@@ -125,6 +125,7 @@ class Sensitivity:
 
     @property
     def is_proved(self) -> bool:
+        """True if the solution is certified, with a bracket."""
         return self.solution.status.is_good and self.solution.bracket.has_both
 
     @property
