@@ -112,7 +112,7 @@ def draw_against_facets(axes: Sequence[Axes], rows: Sequence[Row]) -> None:
     ):
         for order, (label, members) in enumerate(lines.items()):
             y = [_point(row)[of] for row in members]
-            ax.plot([row.facets for row in members], y, label=label, **style(order, label))
+            ax.plot([row.facets or 0 for row in members], y, label=label, **style(order, label))
         for row in cones:
             ax.axhline(_point(row)[of], color="#134b73", linestyle="--", label="cone")
         ax.set(xscale="log", yscale="log" if of else "linear", xlabel="facets K", ylabel=name)
