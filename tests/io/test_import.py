@@ -25,6 +25,7 @@ from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io import export, import_geometry, read_bodies
 from cvxlimit.io.geometry.bodies import Body, separated
+from cvxlimit.masonry import running_bond, wall
 from exhaustive import mostly_slow
 
 trimesh = pytest.importorskip("trimesh")
@@ -530,6 +531,33 @@ def test_lowest_blocks_are_all_that_reach_the_bottom(tmp_path: Path) -> None:
         path, length_unit="m", up="z", friction=0.5, live=(1, 0, 0), density=1, supports="lowest"
     ).scene
     assert scene.supports == ("foot0", "foot1", "foot2")
+
+
+@pytest.mark.parametrize(("noise", "taken"), [(0.2, False), (0.5, True), (4.0, None)])
+def test_a_survey_with_noise_is_imported_with_a_word(
+    noise: float, taken: bool | None, tmp_path: Path
+) -> None:
+    """A wall in mm whose corners are off by up to so much: within the usual tolerance without a
+    word, half a millimetre with one, and what is no survey any more is refused as before."""
+    random, lines, first = np.random.default_rng(3), list[str](), 1
+    for block in wall(running_bond(3, 4), unit=(300, 150, 100), friction=0.7).blocks:
+        off = random.uniform(-noise, noise, block.vertices.shape)
+        lines += [f"o {block.id}", *("v {} {} {}".format(*p) for p in block.vertices + off)]
+        lines += ["f " + " ".join(str(first + i) for i in face) for face in block.faces]
+        first += len(block.vertices)
+    file = tmp_path / "survey.obj"
+    file.write_text("\n".join(lines))
+    found = import_geometry(file, length_unit="mm", to_unit="m", up="z", friction=0.7, density=18,
+                            supports=["ground"], live=(1, 0, 0))  # fmt: skip
+    words = [note for note in found.notes if "as by noise" in note]
+    assert len(words) == bool(taken)
+    if taken is None:
+        with pytest.raises(InputError):
+            len(found.scene.contacts)
+        return
+    assert len(found.scene.contacts) == 31
+    assert (found.scene.joint_tolerance is not None) == taken
+    assert solve(found.scene).load_factor == pytest.approx(0.7, rel=0.01)
 
 
 # --- nothing is guessed -------------------------------------------------------------------------

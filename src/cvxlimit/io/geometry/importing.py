@@ -30,6 +30,7 @@ from cvxlimit.io.geometry.compas import is_compas, read_compas
 from cvxlimit.io.geometry.digits import is_single, too_few_digits
 from cvxlimit.io.geometry.dxf import read_dxf
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh
+from cvxlimit.io.geometry.noise import with_noise
 from cvxlimit.io.geometry.obj import read_obj
 from cvxlimit.io.geometry.off import read_off
 from cvxlimit.io.geometry.sheets import is_sheet, slab, thickness_for
@@ -181,6 +182,10 @@ def import_geometry(
             name=files[0].stem if name is None else name,
             joint_tolerance=joint_tolerance,
         )
+        if joint_tolerance is None:
+            scene = with_noise(
+                scene, bodies, lambda body, wider: _block(body, body.name in fixed, wider), notes
+            )
         notes += _strange_density(scene)
         return Imported(scene, tuple(map(str, files)), tuple(notes))
 
