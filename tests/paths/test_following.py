@@ -221,6 +221,14 @@ def test_a_point_load_moves_with_its_block() -> None:
     assert path.load_factor[1] == pytest.approx(arm / height, abs=1e-8)
 
 
+@pytest.mark.exhaustive
+def test_what_falls_is_named() -> None:
+    path = quick(builtin_scene("flying-buttress"))
+    assert path.status == "falls"
+    assert "blocks that move most: " in path.reason
+    assert np.isnan(path.d0)
+
+
 def test_interrupted_paths_return_what_was_found() -> None:
     lines: list[str] = []
 

@@ -43,7 +43,7 @@ def bracket_of(scene: Scene, points: Points, pose: Pose, loads: Loads) -> tuple[
     n = found.internal[: len(closed)]
     bearing = closed.take(n > _IDLE * n.max(initial=0.0))
     lower = Bracket()
-    for kept in (closed, bearing):
+    for kept in (bearing, closed):  # those that bear nothing leave no room inside
         lower = _lower(Increment(scene, kept, pose, loads))
         if lower.lower_is_proved:
             break
