@@ -7,7 +7,7 @@ does, a coarser grid is another chance, and what is left unmerged even then can 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -84,3 +84,16 @@ def _pure(region: shapely.Geometry) -> shapely.Geometry:
     parts = shapely.get_parts(region)
     areas = parts[shapely.get_dimensions(parts) == 2]
     return shapely.multipolygons(areas) if len(areas) else shapely.Polygon()
+
+
+def without_holes(shape: shapely.Geometry) -> Iterator[shapely.Polygon]:
+    """Polygons that tile a shape, cut through the middles of holes."""
+    for part in shapely.get_parts(shape):
+        if not isinstance(part, shapely.Polygon) or not part.interiors:
+            if isinstance(part, shapely.Polygon):
+                yield part
+            continue
+        left, low, right, high = part.bounds
+        middle = part.interiors[0].centroid.x
+        for half in (shapely.box(left, low, middle, high), shapely.box(middle, low, right, high)):
+            yield from without_holes(part.intersection(half))

@@ -15,6 +15,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector, not_negative, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import cut_off, fan, plane_axes, polygon_vectors, unit
+from cvxlimit.geometry.overlays import without_holes
 from cvxlimit.scene.loads import PointForce
 from cvxlimit.scene.pressures import FACING, Pressure, pressed
 from cvxlimit.scene.scene import Scene, check_scene
@@ -247,8 +248,7 @@ def fill(
     """Fill on top of an arch or vault: unit weight x depth below its level surface, straight down.
 
     It rests on the faces that look up (within 80 degrees) and are not covered by other blocks, and
-    is given as one force per face, at its centre of pressure. What fill does against movement is
-    left out: passive pressure at the haunches, and the spreading of what stands on it.
+    is given as one force per face, at its centre of pressure. Passive pressure is left out.
 
     Parameters
     ----------
@@ -445,19 +445,6 @@ def _bare(scene: Scene, i: int, corners: FloatArray, normal: FloatArray) -> Iter
         return
     slit = scene.joint_tolerance or block.joint_tolerance
     rest = shapely.difference(whole, cover, grid_size=1e-9 * block.size)
-    for part in _without_holes(rest):
+    for part in without_holes(rest):
         if part.area > 0.5 * slit * part.length:  # strips narrower than a joint are none
             yield origin + np.array(part.exterior.coords)[:-1] @ axes
-
-
-def _without_holes(shape: shapely.Geometry) -> Iterator[shapely.Polygon]:
-    """Polygons that tile a shape, cut through the middles of holes."""
-    for part in shapely.get_parts(shape):
-        if not isinstance(part, shapely.Polygon) or not part.interiors:
-            if isinstance(part, shapely.Polygon):
-                yield part
-            continue
-        left, low, right, high = part.bounds
-        middle = part.interiors[0].centroid.x
-        for half in (shapely.box(left, low, middle, high), shapely.box(middle, low, right, high)):
-            yield from _without_holes(part.intersection(half))
