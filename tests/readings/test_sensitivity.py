@@ -380,3 +380,29 @@ def test_tables_state_units() -> None:
         assert set(table.attrs["description"]) == set(table.columns)
     with pytest.raises(InputError, match="there is no table"):
         found.to_dataframe("joints")
+
+
+def test_a_footprint_with_a_notch() -> None:
+    """Corners of the notch count by area and torsion, those of the hull by rocking too."""
+    u = np.array([(0, 0), (3, 0), (3, 2), (2, 2), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)
+    vertices = np.vstack([np.c_[u, np.zeros(8)], np.c_[u, np.full(8, 2.0)]])
+    sides = [[i, (i + 1) % 8, 8 + (i + 1) % 8, 8 + i] for i in range(8)]
+    faces = [[*range(8)][::-1], [*range(8, 16)], *sides]
+    ground = Block.box("ground", (-1, -1, -1), (4, 4, 0))
+    push = Load(acceleration=(0.2, 1, 0), forces={"u": (0, 0, 0, 0, 0, 3.0)})
+
+    def scene(at: FloatArray) -> Scene:
+        block = Block.polyhedron("u", at, faces, density=1.0)
+        return Scene([ground, block], ["ground"], push, friction=0.3)
+
+    way = np.zeros_like(vertices)
+    way[:8, :2] = way[8:, :2] = np.random.default_rng(0).uniform(-1.0, 1.0, (8, 2))
+    found = solve(scene(vertices), tolerance=TIGHT).sensitivity()
+    by = float((found.vertices["u"] * way).sum())
+
+    def factor(k: float) -> float:
+        value = solve(scene(vertices + k * way), tolerance=TIGHT).load_factor
+        assert value is not None
+        return value
+
+    assert by == pytest.approx(slope(factor, 1e-4), rel=1e-5)

@@ -52,6 +52,10 @@ than a hundredth of that, :data:`APART` of the largest, is put down to rounding.
 
 APART = 1e-5
 
+_INSIDE = 1e-3
+"""Less of it for contacts of several pieces, whose corners may lie on the hull's edges: nearer to
+them than contacts are checked, and still an error of rounding of 1e-8."""
+
 JOINTS = ("friction", "cohesion", "compressive_strength", "tensile_strength")
 """What contacts are made of, as scenes name it."""
 
@@ -198,6 +202,7 @@ def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], Boo
     # by a shift of each point of a contact, the first of all contacts at once, then the second...
     by_point, counts = np.zeros_like(shapes.points), np.diff(shapes.start)
     step = _STEP * np.sqrt(contacts.area)
+    step[list(shapes.pieces)] *= _INSIDE
     for k in range(int(counts.max(initial=0))):
         has = np.flatnonzero(counts > k)
         rows = shapes.start[has] + k
