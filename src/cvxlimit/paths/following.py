@@ -383,7 +383,7 @@ def pushover(
 
     >>> from cvxlimit import builtin_scene, pushover
     >>> path = pushover(builtin_scene("single-block"))
-    >>> path.status, round(path.load_factor[0], 6), round(path.d0, 6)
+    >>> path.status, round(float(path.load_factor[0]), 6), round(path.d0, 6)
     ('zero', 0.4, 0.2)
     """
     before = scene if isinstance(scene, Path) else None
