@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -18,17 +18,17 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import finite_vector, is_number, positive
-from cvxlimit.errors import ModelError, NoAnswerError, SolverError
+from cvxlimit.base.checks import is_number, positive
+from cvxlimit.errors import ModelError, SolverError
 from cvxlimit.methods.solving import solve
 from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import SLIDING, ZERO, Configuration, Ending, Path, Points, Work
 from cvxlimit.paths.points import CLOSED, Start
 from cvxlimit.paths.proof import bracket_of
+from cvxlimit.paths.refusing import checked_control, refuse, refuse_answer
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
-from cvxlimit.solution import Solution, Status
 
 REACH = 0.2
 """Facets within this share of the contact size of each other may meet in a step; blocks that were
@@ -51,14 +51,9 @@ twelve, mechanisms compete, and half the step takes less time."""
 _TURN = 0.5
 """Largest rotation of an iterate, in radians: a tangent says nothing beyond."""
 
-_FINEST = 1e-3
-"""Of the first step: no equilibrium nearer than that, and the structure falls."""
-
-_STEPS = 8
-"""To the load factor asked for, as the last slope has it, if no step is given."""
-
-_MOST = 400
-"""Configurations of a path."""
+_FINEST, _STEPS, _MOST = 1e-3, 8, 400
+"""Share of the first step without an equilibrium nearer than which the structure falls; steps to
+the load factor asked for, as the last slope has it; configurations of a path."""
 
 _AHEAD, _JUMP = 1.5, 4.0
 """Blocks that move so many times as far as at the pace before may have jumped, and where joints
@@ -395,17 +390,17 @@ def pushover(
     ):  # fmt: skip
         if value not in known:
             raise ModelError(f"{name} must be one of {', '.join(known)}, got {value!r}")
-    _refuse(scene)
+    refuse(scene)
     for name, length in (("step", step), ("reach", reach)):
         if length is not None:
             positive(length, name)
     if not is_number(until):
         raise ModelError(f"until must be a load factor, got {until!r}")
-    about = None if control is None else _control(scene, control)
+    about = None if control is None else checked_control(scene, control)
     if before is not None:
         step, about = step or before.step, about or before.control
     initial = solve(scene) if before is None else before.initial
-    _refuse_answer(initial)
+    refuse_answer(initial)
     size = scene.contacts.typical_size
     walk = _Walk(scene, certify, reach or REACH * size, progress or (lambda line: None))
     if before is not None:
@@ -455,54 +450,3 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
     if w not in found:
         beyond(w)
     return walk.proved(found[w]).shown
-
-
-def _control(scene: Scene, control: Any) -> tuple[str, tuple[float, float, float]]:
-    try:
-        block, direction = control
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"control must be (block id, direction), got {control!r}") from error
-    free = [scene.blocks[i].id for i in scene.free]
-    if block not in free:
-        raise ModelError(f"control names {block!r}, which is no free block of {scene.name!r}")
-    x, y, z = finite_vector(direction, 3, "direction of the control point").tolist()
-    if not (x or y or z):
-        raise ModelError("direction of the control point must not be zero, got (0, 0, 0)")
-    return block, (x, y, z)
-
-
-def _refuse(scene: Scene) -> None:
-    """Scenes of which no path is known yet."""
-    contacts, has = scene.contacts, None
-    if scene.ties:
-        has = f"ties, as {scene.ties[0].a}-{scene.ties[0].b}"
-    for name, none in (
-        ("cohesion", 0.0), ("tensile_strength", 0.0), ("compressive_strength", np.inf)
-    ):  # fmt: skip
-        value = np.asarray(getattr(contacts, name))
-        if has is None and (value != none).any():
-            j = int(np.argmax(value != none))
-            has = f"{name.replace('_', ' ')}, {value[j]:g} at contact {contacts.names[j]}"
-    for load, name in ((scene.dead, "dead"), (scene.live, "live")):
-        if load.pressures:
-            has = has or f"pressures in the {name} load, as on block {load.pressures[0].block!r}"
-        if load.growing:
-            has = has or f"inertia that grows with height in the {name} load"
-    if has:
-        raise ModelError(
-            f"scene {scene.name!r} has {has}: paths know dry friction, and loads that do not turn "
-            "with the blocks; leave it out, or solve for the load factor alone"
-        )
-
-
-def _refuse_answer(initial: Solution) -> None:
-    """Scenes whose path does not begin."""
-    why = ""
-    if initial.status is Status.DEAD_LOAD_UNSTABLE or initial.lower_end is not None:
-        why = "the dead load does not stand alone"
-    elif initial.status is Status.LIVE_LOAD_HARMLESS:
-        why = "the live load does no harm, so that nothing moves under it"
-    elif initial.load_factor is None:
-        why = f"its load factor was not found ({initial.status})"
-    if why:
-        raise NoAnswerError(f"no path begins at scene {initial.drawn_scene.name!r}: {why}")

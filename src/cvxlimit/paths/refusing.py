@@ -1,0 +1,63 @@
+"""Scenes that have no path, or none that is known yet, each refused by the property at fault."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.base.checks import finite_vector
+from cvxlimit.errors import ModelError, NoAnswerError
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution, Status
+
+
+def checked_control(scene: Scene, control: Any) -> tuple[str, tuple[float, float, float]]:
+    try:
+        block, direction = control
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"control must be (block id, direction), got {control!r}") from error
+    free = [scene.blocks[i].id for i in scene.free]
+    if block not in free:
+        raise ModelError(f"control names {block!r}, which is no free block of {scene.name!r}")
+    x, y, z = finite_vector(direction, 3, "direction of the control point").tolist()
+    if not (x or y or z):
+        raise ModelError("direction of the control point must not be zero, got (0, 0, 0)")
+    return block, (x, y, z)
+
+
+def refuse(scene: Scene) -> None:
+    """Scenes of which no path is known yet."""
+    contacts, has = scene.contacts, None
+    if scene.ties:
+        has = f"ties, as {scene.ties[0].a}-{scene.ties[0].b}"
+    for name, none in (
+        ("cohesion", 0.0), ("tensile_strength", 0.0), ("compressive_strength", np.inf)
+    ):  # fmt: skip
+        value = np.asarray(getattr(contacts, name))
+        if has is None and (value != none).any():
+            j = int(np.argmax(value != none))
+            has = f"{name.replace('_', ' ')}, {value[j]:g} at contact {contacts.names[j]}"
+    for load, name in ((scene.dead, "dead"), (scene.live, "live")):
+        if load.pressures:
+            has = has or f"pressures in the {name} load, as on block {load.pressures[0].block!r}"
+        if load.growing:
+            has = has or f"inertia that grows with height in the {name} load"
+    if has:
+        raise ModelError(
+            f"scene {scene.name!r} has {has}: paths know dry friction, and loads that do not turn "
+            "with the blocks; leave it out, or solve for the load factor alone"
+        )
+
+
+def refuse_answer(initial: Solution) -> None:
+    """Scenes whose path does not begin."""
+    why = ""
+    if initial.status is Status.DEAD_LOAD_UNSTABLE or initial.lower_end is not None:
+        why = "the dead load does not stand alone"
+    elif initial.status is Status.LIVE_LOAD_HARMLESS:
+        why = "the live load does no harm, so that nothing moves under it"
+    elif initial.load_factor is None:
+        why = f"its load factor was not found ({initial.status})"
+    if why:
+        raise NoAnswerError(f"no path begins at scene {initial.drawn_scene.name!r}: {why}")
