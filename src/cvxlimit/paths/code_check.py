@@ -42,8 +42,8 @@ class Limit:
     basis : str
         What decides about the displacement.
     configuration : Configuration
-        The structure there, with its bracket: on the path or found between two steps of it, after
-        a snap where that is between them.
+        The structure there, with its bracket: on the path, or found between two steps of it; the
+        later one of the two where a snap is between them, or iterates do not settle.
     """
 
     displacement: float

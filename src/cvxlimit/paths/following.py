@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import is_number, positive
-from cvxlimit.errors import ModelError, SolverError
+from cvxlimit.errors import ModelError
 from cvxlimit.methods.solving import solve
 from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.pairs import Pose
@@ -426,7 +426,8 @@ def pushover(
 
 def configuration_at(path: Path, displacement: float) -> Configuration:
     """The configuration of a path where ``path.displacement`` first is so much, found anew between
-    two that are known; after a snap that is between them, the first that is known there."""
+    two that are known; the second of them after a snap, and where iterates between do not settle,
+    as they may not where joints slide: it carries less."""
     after = int(np.flatnonzero(path.displacement >= displacement)[0])
     there = path[after]
     same = path.displacement[after] - displacement <= _STILL * path.scene.contacts.typical_size
@@ -440,13 +441,14 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
     def beyond(w: float) -> float:
         settled = walk.settle(here, w)
         if isinstance(settled, _Failed):
-            raise SolverError(f"no equilibrium at w = {w:.6g}, between two of the path's: {path!r}")
+            raise ArithmeticError
         found[w] = settled
         return float(replace(path, configurations=(settled.shown,)).displacement[0] - displacement)
 
     w = displacement
-    if path.control is not None:
-        w = float(brentq(beyond, here.shown.w, there.w, xtol=_STILL * size))
-    if w not in found:
-        beyond(w)
-    return walk.proved(found[w]).shown
+    with suppress(ArithmeticError):
+        if path.control is not None:
+            w = float(brentq(beyond, here.shown.w, there.w, xtol=_STILL * size))
+        if w not in found:
+            beyond(w)
+    return walk.proved(found[w]).shown if w in found else there
