@@ -43,7 +43,6 @@ _NEARLY = 1e-7
 
 _FEW, _MANY = 12, 24
 """Iterates: rocking takes 3 to 6; what has not settled in 24 has not settled in 60."""
-
 _FAR = 1e-3
 """Movement over the contact size from which two iterates lead to the end; still farther off after
 twelve, mechanisms compete, and half the step takes less time."""
@@ -109,9 +108,8 @@ class _Walk:
 
     def settle(self, start: _At, w: float) -> _At | _Failed:
         """The equilibrium at ``w`` that the iterates from ``start`` lead to."""
-        begin = self.begin
-        if start.pose is not begin.pose:
-            begin = Start.at(self.facets, start.pose, start.loose)
+        is_first = start.pose is self.begin.pose
+        begin = self.begin if is_first else Start.at(self.facets, start.pose, start.loose)
         pose, before, share = start.pose, np.inf, 1.0
         moved = np.zeros(len(self.scene.free))
         for iterate in range(1, _MANY + 1):
@@ -132,11 +130,11 @@ class _Walk:
                 if apart.gap.min(initial=0.0) < -CLOSED * self.size:
                     return _Failed(w, "not-converged", moved)
                 return found
-            if iterate >= _FEW and size > _FAR:
-                break
             # Where mechanisms compete, whole iterates go to and fro between them.
             share = min(1.0, 2.0 * share) if size < 0.5 * before else max(0.5 * share, 0.125)
             before = size
+            if iterate >= _FEW and size > _FAR:
+                break
             step = min(share if iterate > 4 else 1.0, _TURN / max(float(turned.max()), 1e-300))
             pose = pose.moved(self.scene.free, step * answer.d)
         return _Failed(w, "not-converged" if size < 0.1 else "falls", moved)
@@ -407,7 +405,6 @@ def pushover(
         walk.resume(before)
         if before[-1].load_factor - until <= walk._enough(walk.found[-1]):
             return replace(before, control=about)
-    ending: tuple[Ending, str]
     try:
         ending = walk.walk(step, float(until))
     except KeyboardInterrupt:
