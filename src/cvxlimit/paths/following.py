@@ -288,6 +288,7 @@ class _Walk:
 
         with suppress(ArithmeticError):
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
+        del found[here.shown.w]
         return min(found.values(), key=lambda x: abs(x.shown.load_factor - until))
 
     def _why(self, failed: _Failed) -> str:
