@@ -341,8 +341,9 @@ def test_a_small_stack_on_a_large_block(ladder: tuple[SolverSettings, ...] | Non
 def test_a_guide_stays_with_its_block_where_others_are_left_out() -> None:
     """The top block of a stack of five, guided upwards: what pushes it sideways is taken up."""
     stack = Assemblage.of(builtin_scene("stack"))
-    up = np.array([0.0, 0.0, 1.0])
-    guided = replace(stack, statics=stack.statics.guided(4, up))
+    rates = np.zeros((5, 6))
+    rates[4, 2] = 1.0
+    guided = replace(stack, statics=stack.statics.guided(rates))
     top = with_contacts(guided, np.array([4]), np.zeros(5, dtype=bool)).statics
     assert top.guide is not None
     np.testing.assert_array_equal(top.guide.toarray()[6:, 6:], np.diag([0.0, 0, 1, 0, 0, 0]))
