@@ -36,9 +36,9 @@ from cvxlimit.methods.solving import solve as solve
 from cvxlimit.model.problem import LimitProblem as LimitProblem
 from cvxlimit.paths.code_check import CodeCheck as CodeCheck
 from cvxlimit.paths.code_check import code_check as code_check
-from cvxlimit.paths.following import pushover as pushover
 from cvxlimit.paths.path import Configuration as Configuration
 from cvxlimit.paths.path import Path as Path
+from cvxlimit.paths.pushover import pushover as pushover
 from cvxlimit.proof.assumptions import Certificate as Certificate
 from cvxlimit.proof.certificate import Certifier as Certifier
 from cvxlimit.reductions.choice import explain as explain

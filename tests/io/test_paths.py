@@ -39,7 +39,11 @@ def path() -> Displacements:
     return replace(
         found, configurations=(found[0], whole, found[2]), status="steps", reason="enough",
         flow="zero-dilatancy", step=0.05, snaps=(found[1].w,), work=Work(1.25, 1.5), slides=True,
-        control=("c1", (1.0, 0.0, 0.5)), notes=("one", "two"),
+        control=("c1", (1.0, 0.0, 0.5)), notes=("one", "two"), halved=replace(
+            found, configurations=(found[0], whole), status="interrupted", reason="broken off",
+            flow="zero-dilatancy", step=0.025, snaps=(found[0].w,), work=Work(0.25, 0.5),
+            slides=True, control=("c1", (1.0, 0.0, 0.5)), notes=("three",),
+        ),
     )  # fmt: skip
 
 
@@ -124,6 +128,9 @@ def test_whatever_stands_in_an_entry_is_read_or_refused_in_a_sentence(
         (lambda d: d["configurations"][1]["points"][0].pop(), "must be 21 numbers"),
         (lambda d: d["configurations"][2]["displacements"].pop("c1"), "'c1' is in one of both"),
         (lambda d: d["control"].update(block="ground"), "must be a free block, got 'ground'"),
+        (lambda d: d["halved"].update(configurations=[]), "halved: configurations must be one"),
+        (lambda d: d["halved"].update(snaps=[0.5]), "halved: .* the w of a configuration, got 0.5"),
+        (lambda d: d["halved"].update(halved=None), "unknown key 'halved'"),
         (lambda d: d.update(snaps=[0.5]), "the w of a configuration, got 0.5"),
         (lambda d: d.update(format="cvxlimit-result"), "this is not a path file"),
         (lambda d: d.update(version=2), "install a newer cvxlimit"),

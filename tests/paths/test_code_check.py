@@ -83,6 +83,19 @@ def test_local_failures_and_snaps_come_before_the_shares_of_d0() -> None:
     assert snapped.d0 == pytest.approx(check.d0)
 
 
+def test_where_joints_slide_the_check_is_of_the_finer_run_if_that_got_to_its_end() -> None:
+    path = turning(wall(1), ANGLES)
+    lower = [replace(c, load_factor=0.9 * c.load_factor) for c in path]
+    fine = replace(path, configurations=tuple(lower))
+    check = code_check(replace(path, halved=fine, notes=("both",)))
+    assert check.acceleration == pytest.approx(0.9 * code_check(path).acceleration)
+    assert check.notes == ("both", "the check is of the run with half the step")
+    broken = replace(fine, configurations=fine.configurations[:3], status="not-converged")
+    check = code_check(replace(path, halved=broken, notes=("both",)))
+    assert check.acceleration.tolist() == code_check(path).acceleration.tolist()
+    assert "not of the run with half the step" in check.notes[-1]
+
+
 def test_where_nothing_holds_the_wall_any_more_it_ends_there() -> None:
     path = turning(wall(1), ANGLES[:-1])
     check = code_check(replace(path, status="falls", reason="c0 falls"))

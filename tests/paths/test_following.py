@@ -23,6 +23,7 @@ from cvxlimit.paths.points import Start
 from cvxlimit.scene.loads import PointForce, Pressure
 from cvxlimit.scene.ties import Tie
 from linkages import FourBars, leaning, rocking
+from turning import END, B, turning, wall
 
 PUSH = Load(acceleration=(1, 0, 0))
 
@@ -219,6 +220,60 @@ def test_a_point_load_moves_with_its_block() -> None:
     height = top[1] * np.cos(turn) - top[0] * np.sin(turn)
     arm = toe * np.sin(np.arctan(0.4) - turn)
     assert path.load_factor[1] == pytest.approx(arm / height, abs=1e-8)
+
+
+def pushing_another() -> Scene:
+    """A tall block that turns pushes a low one along the ground, which slides."""
+    low = Block.box("low", (0, 0, 0), (0.3, 0.5, 0.3), 20.0)
+    tall = Block.box("tall", (-0.3, 0, 0), (0, 0.5, 1), 20.0)
+    return Scene([ground(), low, tall], ["ground"], PUSH, friction=0.3)
+
+
+def test_a_path_that_slides_has_the_run_with_half_of_every_step_beside_it() -> None:
+    path = quick(pushing_another())
+    fine = path.halved
+    assert fine is not None
+    assert path.slides
+    middle = 0.5 * (path.w[1:] + path.w[:-1])
+    kept = min(len(fine), 2 * len(middle))
+    assert fine.w[:kept] == pytest.approx(np.sort([*path.w[:-1], *middle])[:kept])
+    at_the_same = np.interp(path.w[:-1], fine.w, fine.load_factor)
+    assert (at_the_same <= path.load_factor[:-1] + 1e-9).all()  # dilatancy of a step is unsafe
+    assert path.d0_interval == (fine.d0, path.d0)
+    assert f"{fine.d0:.4g} m (zero) instead of {path.d0:.4g} m" in path.notes[1]
+    assert "by the step" in repr(path)
+    given = quick(pushing_another(), step=path.step, until=0.2)
+    assert given.slides
+    assert given.halved is None
+    assert "on the unsafe side" in given.notes[0]
+
+
+def test_d0_is_where_the_curve_crosses_zero_and_not_the_end_of_a_path_that_went_on() -> None:
+    path = turning(wall(1), (0.0, END - 0.01, END + 0.03))
+    assert path.load_factor[-1] < 0.0
+    assert path.d0 == pytest.approx(B / 2, abs=1e-4)
+    assert path.d0_interval == (path.d0, path.d0)
+
+
+def test_a_run_with_half_the_step_that_was_broken_off_is_kept_and_goes_on() -> None:
+    lines: list[str] = []
+
+    def stop(line: str) -> None:
+        lines.append(line)
+        if sum("half the step" in each for each in lines) == 2:
+            raise KeyboardInterrupt
+
+    path = quick(pushing_another(), until=0.27, progress=stop)
+    assert path.status == "zero"
+    assert path.halved is not None
+    assert path.halved.status == "interrupted"
+    assert len(path.halved) == 3
+    again = pushover(path, until=0.27, certify="none")
+    assert again.halved is not None
+    assert again.load_factor.tolist() == path.load_factor.tolist()
+    assert again.halved.status == "zero"
+    assert again.halved.load_factor[:3].tolist() == path.halved.load_factor.tolist()
+    assert again.halved.load_factor[-1] == pytest.approx(0.27, abs=1e-2)
 
 
 @pytest.mark.exhaustive

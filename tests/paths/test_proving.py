@@ -32,6 +32,14 @@ def test_a_file_is_proved_from_what_it_holds(path: Path, tmp_path: File) -> None
         prove(path, wall(3))
 
 
+def test_the_run_with_half_the_step_is_proved_as_well(path: Path) -> None:
+    wrong = replace(path, configurations=(path[0], turned(path[1]), *path.configurations[2:]))
+    assert prove(replace(path, halved=path)).is_proved
+    proof = prove(replace(path, halved=wrong))
+    assert not proof.is_proved
+    assert "displacements of configuration 1 with half the step" in str(proof)
+
+
 Change = Callable[[Configuration], Configuration]
 
 

@@ -55,6 +55,17 @@ def test_the_curve_has_a_gap_and_a_drop_at_a_snap_and_a_bracket_at_every_configu
     assert "proves the load factor of its configuration, not that the structure gets there" in said
 
 
+def test_the_run_with_half_the_step_is_drawn_beside_the_path(path: Displacements) -> None:
+    half = replace(path, configurations=path.configurations[:4])
+    shown = replace(path, halved=half, notes=("it slides",))
+    named = {line.get_label(): line for line in shown.plot().axes[0].get_lines()}
+    line = named["with half the step"]
+    assert line.get_xydata().tolist() == [[c.w, c.load_factor] for c in half[:3]]  # to its snap
+    assert line.get_linewidth() < named["load factor"].get_linewidth()
+    assert "with half the step" not in {line.get_label() for line in path.plot().axes[0].lines}
+    assert "It slides" in shown.plot("page")
+
+
 def test_blocks_are_drawn_where_the_scene_of_a_configuration_has_them(path: Displacements) -> None:
     for each in path:
         moving = moved_by(path.scene, each.displacements)

@@ -26,9 +26,9 @@ from cvxlimit.io.paths import PATH
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.convex_search import TOLERANCE
 from cvxlimit.paths.code_check import code_check
-from cvxlimit.paths.following import pushover
 from cvxlimit.paths.path import PROVES
 from cvxlimit.paths.path import Path as Displacements
+from cvxlimit.paths.pushover import pushover
 from cvxlimit.plotting.look import IMAGES
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Bracket, rounded, rounded_down, rounded_up
@@ -45,8 +45,8 @@ class Followed:
         "Scene file, or name of a built-in scene; or a path (pushover --json), which goes on."
     )
     step: float | None = option(
-        "L", "Step of the live load's mean displacement; chosen by the package unless given.",
-        group=EFFORT,
+        "L", "Step of the live load's mean displacement; chosen by the package unless given; "
+        "where joints slide, it is then also halved.", group=EFFORT,
     )  # fmt: skip
     until: float = option("A", "Load factor at which to end; 0 unless given.", 0.0)
     flow: str = option("NAME", "Flow rule of sliding joints: associated (default).", "associated")
@@ -116,7 +116,8 @@ def _control(text: str | None) -> tuple[str, tuple[float, ...]] | None:
 def _summary(path: Displacements, written: list[str]) -> Table:
     unit, initial = path.scene.units.length, path.initial
     widths = _widths(path)
-    d0 = f"{rounded(path.d0, 6)} {unit}" if np.isfinite(path.d0) else ""
+    low, high = (rounded(d0, 6) for d0 in path.d0_interval)
+    d0 = f"{low} to {high} {unit}, by the step" if low != high else f"{low} {unit}"
     return facts(
         [
             ("scene", path.scene.name),
@@ -124,7 +125,7 @@ def _summary(path: Displacements, written: list[str]) -> Table:
              "over whole joints"),
             ("on the path", f"{rounded(path.load_factor[0])} at rest, friction at points"),
             ("end", f"{path.status}: {path.reason}"),
-            ("zero at", d0),
+            ("zero at", d0 if low != "?" else ""),
             ("snaps at", ", ".join(f"w = {w:.6g} {unit}" for w in path.snaps)),
             ("flow", f"{path.flow}; joints slide" if path.slides else "joints rock"),
             ("brackets", f"{len(widths)} of {len(path)} configurations, widest "
@@ -153,6 +154,8 @@ def _table(path: Displacements) -> Table:
 def _verdict(path: Displacements) -> ExitCode:
     if path.status not in ("zero", "falls", "blocked"):
         return refuse(ExitCode.NOT_GOOD_ENOUGH, f"{path.status}: {path.reason}")
+    if path.halved is not None and path.halved.status == "interrupted":
+        return refuse(ExitCode.NOT_GOOD_ENOUGH, f"with half the step {path.halved.reason}")
     if wide := sum(not width <= TOLERANCE for width in _widths(path)):
         return refuse(
             ExitCode.NOT_GOOD_ENOUGH,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
 
 from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, fields, number, shown, text
+from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, fields, number, refusals, shown, text
 from cvxlimit.io.forms import (
     FLAG,
     HEADER,
@@ -102,9 +103,20 @@ CONTROL = plain(
 
 
 def _path(
-    scene: Scene, initial: Solution, configurations: tuple[JsonObject, ...], **given: Any
+    scene: Scene, initial: Solution, halved: JsonObject | None = None, **given: Any
 ) -> Displacements:
     """A path whose parts belong to each other."""
+    path = _run(scene, initial, **given)
+    if halved is None:
+        return path
+    with refusals("halved: "):
+        fine = _run(scene, initial, **halved, flow=path.flow, control=path.control)  # type: ignore[arg-type]
+    return replace(path, halved=fine)
+
+
+def _run(
+    scene: Scene, initial: Solution, configurations: tuple[JsonObject, ...], **given: Any
+) -> Displacements:
     free = {scene.blocks[i].id for i in scene.free}
     if not configurations:
         raise InputError("configurations must be one at least, which is the structure at rest")
@@ -129,6 +141,19 @@ def _path(
     return Displacements(initial.of(scene), made, **given)
 
 
+RUN = {
+    "configurations": Key(listed(CONFIGURATION, "configuration {i}"), "{key}"),
+    "status": Key(choice(get_args(Ending)), "{key}"),
+    "reason": Key(TEXT, "{key}"),
+    "step": Key(FINITE, "{key}"),
+    "snaps": Key(listed(FINITE), "{key}"),
+    "work": Key(nullable(WORK), "{key}"),
+    "slides": Key(FLAG, "{key}"),
+    "notes": Key(listed(TEXT), "{key}"),
+}
+"""What a path has of its own, beside the run with half the step."""
+
+
 PATH: Document[Displacements] = Document(
     "path",
     record(
@@ -136,16 +161,10 @@ PATH: Document[Displacements] = Document(
         {
             "scene": Key(SCENE.inside, "{key}", is_needed=True),
             "initial": Key(RESULT.inside, "{key}"),
-            "configurations": Key(listed(CONFIGURATION, "configuration {i}"), "{key}"),
-            "status": Key(choice(get_args(Ending)), "{key}"),
-            "reason": Key(TEXT, "{key}"),
+            **RUN,
             "flow": Key(TEXT, "{key}"),
-            "step": Key(FINITE, "{key}"),
-            "snaps": Key(listed(FINITE), "{key}"),
-            "work": Key(nullable(WORK), "{key}"),
-            "slides": Key(FLAG, "{key}"),
             "control": Key(nullable(CONTROL), "{key}"),
-            "notes": Key(listed(TEXT), "{key}"),
+            "halved": Key(nullable(record(Displacements, RUN, dict)), "{key}"),
         },
         _path,
         header=HEADER,

@@ -79,7 +79,8 @@ class CodeCheck:
     slv, slc : Limit
         Both limit states; also ``d_SLV``, ``T_SLV``, ``d_SLC``, ``T_SLC``.
     notes : tuple of str
-        Those of the path: where joints slide, its load factors depend on the step.
+        Those of the path: where joints slide, its load factors depend on the step; and which step
+        the check is of.
 
     Example
     -------
@@ -199,7 +200,8 @@ def code_check(
     Parameters
     ----------
     path : Path
-        Under a horizontal acceleration, to a load factor of zero. Its control point is the code's
+        Under a horizontal acceleration, to a load factor of zero; the check is of its run with half
+        the step where there is one that got as far. Its control point is the code's
         point C; without one it is the mean displacement of the live load, which is that of the
         centre of mass.
     confidence_factor : float
@@ -232,6 +234,7 @@ def code_check(
     along, size = _push(scene)
     weight, rate = _moving(path, along, groups)
     total, first, second = weight.sum(), weight @ rate, weight @ rate**2
+    path, notes = _finer(path)
     e_star = first**2 / (total * second)
     spectral = second / (_at_control(path, along) * first)  # displacement over the control point's
     times = size * gravity / (e_star * factor)  # acceleration over the load factor
@@ -253,8 +256,17 @@ def code_check(
         scene.name, scene.units, factor, gravity, positive(q, "q"), float(total), float(e_star),
         float(times * path.load_factor[0]), spectral * path.displacement,
         times * path.load_factor, path.pieces, float(spectral * d0), ends,
-        limit(0.4, 1.68), limit(0.6, 1.56), path.notes,
+        limit(0.4, 1.68), limit(0.6, 1.56), notes,
     )  # fmt: skip
+
+
+def _finer(path: Path) -> tuple[Path, tuple[str, ...]]:
+    """The run with half the step, if it got to its end, and notes that say which it is."""
+    if (fine := path.halved) is None:
+        return path, path.notes
+    if np.isfinite(fine.d0) or fine.status == "falls":
+        return fine, (*path.notes, "the check is of the run with half the step")
+    return path, (*path.notes, "the check is not of the run with half the step: that ends before")
 
 
 def _push(scene: Scene) -> tuple[FloatArray, float]:

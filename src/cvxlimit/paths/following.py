@@ -6,11 +6,10 @@ geometry (:mod:`.increment`), until it moves nothing any more. The load factor i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -18,17 +17,12 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import is_number, positive
-from cvxlimit.errors import ModelError
-from cvxlimit.methods.solving import solve
 from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import SLIDING, ZERO, Configuration, Ending, Path, Points, Work
 from cvxlimit.paths.points import CLOSED, Start
 from cvxlimit.paths.proof import bracket_of
-from cvxlimit.paths.refusing import checked_control, refuse, refuse_answer
 from cvxlimit.scene import Scene
-from cvxlimit.scene.scene import check_scene
 
 REACH = 0.2
 """Facets within this share of the contact size of each other may meet in a step; blocks that were
@@ -186,8 +180,11 @@ class _Walk:
         turn = np.linalg.norm(one.pose.turn[free] - other.pose.turn[free], axis=(1, 2))
         return float((shift + turn * self.radius).max())
 
-    def walk(self, step: float | None, until: float) -> tuple[Ending, str]:
-        """Go on until the path ends; how, and in words."""
+    def walk(
+        self, step: float | None, until: float, marks: FloatArray | None = None
+    ) -> tuple[Ending, str]:
+        """Go on until the path ends; how, and in words. With ``marks``, from one of these w to the
+        next, and by ``step`` beyond the last."""
         if not self.found:
             first = self.first()
             if isinstance(first, _Failed):
@@ -196,6 +193,7 @@ class _Walk:
         if self.found[-1].shown.load_factor <= until:
             return "zero", f"the load factor is no more than {until:g} from the start"
         h = self.step = step or self.size / 40.0
+        h = h if marks is None else self._to_next(marks)
         pace = np.inf
         while len(self.found) <= _MOST:
             here = self.found[-1]
@@ -220,18 +218,26 @@ class _Walk:
                 pace = np.inf
                 continue
             pace = self.distance(here, there) / h
-            if there.shown.load_factor <= until + self._enough(there):
+            if there.shown.load_factor <= until + self.enough(there):
                 self.keep(self._end(here, there, until))
                 return "zero", f"the load factor has come down to {until:g}"
             self.keep(there)
             h = 2.0 * h if step is None else min(step, 2.0 * h)
-            if step is None:
+            if marks is not None:
+                h = self._to_next(marks)
+            elif step is None:
                 fall = here.shown.load_factor - there.shown.load_factor
                 fall /= there.shown.w - here.shown.w
                 left = (there.shown.load_factor - until) / max(fall, 1e-300)
                 h = min(h, (there.shown.w + left) / _STEPS, self.size / _STEPS)
                 self.step = max(h, self.step)
         return "steps", f"{_MOST} configurations did not bring the load factor down to {until:g}"
+
+    def _to_next(self, marks: FloatArray) -> float:
+        """From here to the next mark that is farther off than a jump."""
+        ahead = marks - self.found[-1].shown.w
+        ahead = ahead[ahead > _FINEST * self.step]
+        return float(ahead[0]) if len(ahead) else self.step
 
     def _may_have_jumped(self, here: _At, there: _At, pace: float) -> bool:
         """Where blocks moved farther than at the pace so far, or the dead load's rise is not the
@@ -266,14 +272,14 @@ class _Walk:
                 return None
         return low, high
 
-    def _enough(self, found: _At) -> float:
+    def enough(self, found: _At) -> float:
         """How near to its end a path has to come."""
         share = SLIDING if found.slides else 0.1 * ZERO
         return share * abs(self.found[0].shown.load_factor)
 
     def _end(self, here: _At, there: _At, until: float) -> _At:
         """The configuration between two at which the load factor is ``until``."""
-        if there.shown.load_factor >= until - self._enough(there):
+        if there.shown.load_factor >= until - self.enough(there):
             return there
         found = {x.shown.w: x for x in (here, there)}
 
@@ -284,7 +290,7 @@ class _Walk:
                     raise ArithmeticError
                 found[w] = at
             rest = found[w].shown.load_factor - until
-            return rest if abs(rest) > self._enough(found[w]) else 0.0
+            return rest if abs(rest) > self.enough(found[w]) else 0.0
 
         with suppress(ArithmeticError):
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
@@ -315,111 +321,6 @@ class _Walk:
                 area += self.loads.size * float(curve.integrate(w[begin], w[end - 1]))
                 potential += float(energy[end - 1] - energy[begin])
         return Work(area, potential)
-
-
-def pushover(
-    scene: Scene | Path,
-    step: float | None = None,
-    until: float = 0.0,
-    flow: Literal["associated"] = "associated",
-    control: tuple[str, Sequence[float]] | None = None,
-    certify: Literal["all", "last", "none"] = "all",
-    reach: float | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Path:
-    """The path of a structure after its collapse load factor, in finite displacements.
-
-    The live load's points of action are moved on step by step; blocks move exactly, contacts open,
-    close and appear, and the load factor is what holds each configuration. Friction is taken at
-    points, so that the first load factor differs from that of :func:`cvxlimit.solve`, which is
-    ``path.initial``. A bracket proves the load factor of its configuration, not that the structure
-    gets there.
-
-    Parameters
-    ----------
-    scene : Scene or Path
-        A path goes on from its last configuration, with its own step and control unless others are
-        given.
-    step : float or None
-        Of w, the mean displacement of the live load, in the scene's unit of length; None: an eighth
-        of what the last slope takes to ``until``, at most an eighth of the contact size. Where no
-        equilibrium is found, it is halved.
-    until : float
-        Load factor at which the path ends.
-    flow : {"associated"}
-        Joints that slide open by friction times slip within a step. Paths on which none slides, as
-        all that rock, do not depend on it or on the step.
-    control : (block id, direction) or None
-        Whose displacement ``path.displacement`` is; w without one.
-    certify : {"all", "last", "none"}
-        Which configurations get a bracket.
-    reach : float or None
-        How far apart faces may be at the start of a step to meet in it (length); None: a fifth of
-        the contact size.
-    progress : callable or None
-        Called with a line of text for every configuration.
-
-    Returns
-    -------
-    Path
-        Where it was interrupted, up to there.
-
-    Raises
-    ------
-    NoAnswerError
-        For a scene that does not stand, and a live load that does no harm.
-    ModelError
-        For cohesion, tensile or compressive strength, ties and pressures, and for unknown choices.
-
-    Example
-    -------
-    A block of 0.4 by 1 m rocks about its edge until its centroid is above it:
-
-    >>> from cvxlimit import builtin_scene, pushover
-    >>> path = pushover(builtin_scene("single-block"))
-    >>> path.status, round(float(path.load_factor[0]), 6), round(path.d0, 6)
-    ('zero', 0.4, 0.2)
-    """
-    before = scene if isinstance(scene, Path) else None
-    if isinstance(scene, Path):
-        scene = scene.scene
-    check_scene(scene)
-    for name, value, known in (
-        ("flow", flow, ("associated",)), ("certify", certify, ("all", "last", "none"))
-    ):  # fmt: skip
-        if value not in known:
-            raise ModelError(f"{name} must be one of {', '.join(known)}, got {value!r}")
-    refuse(scene)
-    for name, length in (("step", step), ("reach", reach)):
-        if length is not None:
-            positive(length, name)
-    if not is_number(until):
-        raise ModelError(f"until must be a load factor, got {until!r}")
-    about = None if control is None else checked_control(scene, control)
-    if before is not None:
-        step, about = step or before.step, about or before.control
-    initial = solve(scene) if before is None else before.initial
-    refuse_answer(initial)
-    size = scene.contacts.typical_size
-    walk = _Walk(scene, certify, reach or REACH * size, progress or (lambda line: None))
-    if before is not None:
-        walk.resume(before)
-        if before[-1].load_factor - until <= walk._enough(walk.found[-1]):
-            return replace(before, control=about)
-    try:
-        ending = walk.walk(step, float(until))
-    except KeyboardInterrupt:
-        if not walk.found:
-            raise
-        ending = "interrupted", "interrupted: what was found until then"
-    if certify == "last":
-        walk.found[-1] = walk.proved(walk.found[-1])
-    slides = any(x.slides for x in walk.found)
-    notes = ("joints slide on the way, so that the curve depends on the step",) if slides else ()
-    return Path(
-        initial, tuple(x.shown for x in walk.found), *ending, flow, walk.step, tuple(walk.snaps),
-        walk.work(), slides, about, notes,
-    )  # fmt: skip
 
 
 def configuration_at(path: Path, displacement: float) -> Configuration:

@@ -155,6 +155,9 @@ class Path:
     slides : bool
         True if joints slid on the way: the curve then depends on the step.
     control : (block id, (3,) direction) or None
+    notes : tuple of str
+    halved : Path or None
+        Of a path that slides with steps that the package chose: the same with each step in two.
     """
 
     initial: Solution
@@ -168,6 +171,7 @@ class Path:
     slides: bool = False
     control: tuple[str, tuple[float, float, float]] | None = None
     notes: tuple[str, ...] = field(default=())
+    halved: Path | None = None
 
     def __len__(self) -> int:
         return len(self.configurations)
@@ -180,9 +184,11 @@ class Path:
 
     def __repr__(self) -> str:
         first, last = self.load_factor[0], self.load_factor[-1]
+        low, high = self.d0_interval
+        both = f", d0 {low:.4g} to {high:.4g} by the step" if low < high else ""
         return (
             f"Path({self.scene.name!r}: {len(self) - 1} steps, load factor {first:.5g} to "
-            f"{last:.5g}, {self.status})"
+            f"{last:.5g}, {self.status}{both})"
         )
 
     @property
@@ -212,10 +218,24 @@ class Path:
 
     @cached_property
     def d0(self) -> float:
-        """Displacement at which the load factor is first zero; NaN where the path ends before."""
-        zero = SLIDING if self.slides else ZERO
-        found = np.flatnonzero(self.load_factor <= zero * abs(self.load_factor[0]))
-        return float(self.displacement[found[0]]) if len(found) else float("nan")
+        """Displacement at which the load factor is first zero; NaN where the path ends before. On
+        the chord to the last one above zero where iterates between them did not settle."""
+        zero = (SLIDING if self.slides else ZERO) * abs(self.load_factor[0])
+        found = np.flatnonzero(self.load_factor <= zero)
+        if not len(found):
+            return float("nan")
+        at, jumps = int(found[0]), [start for start, _ in self.pieces]
+        if at in jumps or self.load_factor[at] >= -zero:
+            return float(self.displacement[at])
+        two = slice(at, at - 2 if at > 1 else None, -1)
+        return float(np.interp(0.0, self.load_factor[two], self.displacement[two]))
+
+    @property
+    def d0_interval(self) -> tuple[float, float]:
+        """``d0`` with the step and with half of it, the smaller first: the same twice where
+        only one has a ``d0``, NaN where none has."""
+        both = self.d0, (self if self.halved is None else self.halved).d0
+        return float(np.fmin(*both)), float(np.fmax(*both))
 
     @property
     def pieces(self) -> tuple[tuple[int, int], ...]:

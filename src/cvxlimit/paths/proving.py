@@ -24,20 +24,29 @@ def path_checks(path: Path) -> Iterator[Check]:
         yield Check(
             f"at rest, friction over whole joints: {check.claim}", check.is_met, check.found
         )
+    yield from _of_configurations(path, "")
+    if path.halved is not None:
+        yield from _of_configurations(path.halved, " with half the step")
+
+
+def _of_configurations(path: Path, which: str) -> Iterator[Check]:
     size = path.scene.contacts.typical_size
     walk, missing = _Walk(path.scene, "none", REACH * size, lambda line: None), set[int]()
     walk.resume(path)
     for i in range(len(path)):
         for claim, found in _wrong(walk, i):
             missing.add(i)
-            yield Check(f"{claim} of configuration {i}", False, found)
+            yield Check(f"{claim} of configuration {i}{which}", False, found)
     proved = sum(each.bracket is not None for i, each in enumerate(path) if i not in missing)
     if good := len(path) - len(missing):
-        yield Check(f"{good} configurations in equilibrium, {proved} of them with brackets", True)
+        said = f"{good} configurations{which} in equilibrium, {proved} of them with brackets"
+        yield Check(said, True)
     if path.work is not None:
         again = walk.work()
         off = max(abs(np.subtract(again, path.work))) / max(map(abs, (*again, 1e-300)))
-        yield Check("area and potential", off <= SLACK, "" if off <= SLACK else f"they are {again}")
+        yield Check(
+            f"area and potential{which}", off <= SLACK, "" if off <= SLACK else f"they are {again}"
+        )
 
 
 def _wrong(walk: _Walk, i: int) -> Iterator[tuple[str, str]]:

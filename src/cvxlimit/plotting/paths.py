@@ -7,8 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.paths.path import PROVES, Path
@@ -21,7 +19,7 @@ from cvxlimit.plotting.pictures.webpage import Page, path_page, sentences
 from cvxlimit.plotting.registry import figures
 from cvxlimit.solution.bracket import rounded
 
-_LINE, _DROP, _BRACKET = "#134b73", "#d62246", "#8b2fc9"
+_LINE, _DROP, _BRACKET, _FINE = "#134b73", "#d62246", "#8b2fc9", "#f59e0b"
 _LIMITS = {"SLV": "#f59e0b", "SLC": "#d62246"}
 _PAUSE = 0.25
 """Seconds that a film shows a configuration for."""
@@ -44,6 +42,12 @@ def curve(path: Path, **options: Any) -> Any:
     """Load factor over displacement, with the bracket of every configuration."""
     chart = figures("chart").Chart.of(options, (6.4, 4.4))
     _draw_pieces(chart.axes, path.displacement, path.load_factor, path.pieces, "load factor")
+    if (fine := path.halved) is not None:
+        label = "with half the step"
+        for part in (slice(*piece) for piece in fine.pieces):
+            curve = fine.displacement[part], fine.load_factor[part]
+            chart.axes.plot(*curve, color=_FINE, lw=0.9, label=label)
+            label = "_"
     label = "bracket of a configuration"
     for x, each in zip(path.displacement, path, strict=True):
         if each.bracket is not None and each.bracket.has_both:
@@ -115,7 +119,8 @@ def page(path: Path) -> Page:
         "texts": _texts(path), "displacement": path.displacement.tolist(),
         "load_factor": path.load_factor.tolist(), "pieces": path.pieces,
     }  # fmt: skip
-    said = {"title": _title(path), "advice": sentences(path.reason, PROVES), "path": curve}
+    advice = sentences(path.reason, *path.notes, PROVES)
+    said = {"title": _title(path), "advice": advice, "path": curve}
     return path_page(path.scene, _motions(path), said)
 
 
@@ -137,9 +142,10 @@ def _texts(path: Path) -> list[str]:
 def _title(path: Path) -> str:
     start = f"load factor {rounded(path.load_factor[0], DIGITS)} at rest"
     unit = printable(path.scene.units.length)
-    end = f"zero at {path.d0:.4g} {unit}" if np.isfinite(path.d0) else f"{path.status} at "
-    end += "" if np.isfinite(path.d0) else f"{path.displacement[-1]:.4g} {unit}"
-    return f"{printable(path.scene.name)}: {start}, {end}"
+    low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
+    end = f"zero at {low}" + (f" to {high}" if low != high else "")
+    end = f"{path.status} at {path.displacement[-1]:.4g}" if low == "nan" else end
+    return f"{printable(path.scene.name)}: {start}, {end} {unit}"
 
 
 def _control(path: Path) -> str:

@@ -252,6 +252,7 @@ def _path(path: Path) -> Rows:
     yield "ends", path.reason
     if path.snaps:
         yield "snaps", f"{len(path.snaps)}: the structure jumps there"
+    yield from (("note", note) for note in path.notes)
     yield "rests on", PROVES
 
 
