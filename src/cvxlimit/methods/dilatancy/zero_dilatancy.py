@@ -264,11 +264,8 @@ class _Search:
             loss = ((held.load_factor or 0.0) - state.load_factor) / unit
             if loss <= aim:
                 both = replace(state, mechanism=held.mechanism)
-                with self.run.clock.phase("certify"):
-                    member = self.verifier.member(both, label, self.pair.solved - begun)
-                if member is not None and member.residual <= aim:
-                    self._keep(member, both)
-                    return member, both
+                if (found := self._checked(both, label, self.pair.solved - begun)) is not None:
+                    return found
                 finest, loss = max(0.1 * finest, _N.finest), min(loss, finest)
             price = self._price(held.mechanism)
             self.typical = price
@@ -289,10 +286,15 @@ class _Search:
     def _walked(self, sign: float, number: int) -> Generator[None]:
         """Walks of so many pairs in all, down (``sign`` 1) or up: forces that are extreme on a
         mechanism, a mechanism of theirs, and so on, every second of both random by a little.
-        They begin at the extreme solution and at random prices in turn, and end at a solution."""
-        exact = _N.exact * self.rule.tolerance
+        They begin at the extreme solution and at random prices in turn, and end at a solution.
+        Others that they pass are kept if they are more extreme than all before: there the lowest
+        ones are found, since a mechanism's extreme forces are left again by the next step."""
+        aim = self.rule.tolerance
+        exact = _N.exact * aim
         for walk in range(-(-number // _N.walk)):
+            begun = self.pair.solved
             state: LimitState | None = self._extreme(sign)[1]
+            label = f"{'descent' if sign > 0.0 else 'ascent'} {walk + 1}"
             if walk % 2 == 1:
                 scale = _N.scales[walk // 2 % len(_N.scales)]
                 state = self._with_mechanism(self._priced(self._drawn(scale), _N.rough), exact)
@@ -306,9 +308,12 @@ class _Search:
                 unit = self.run.scaling.unit(state.load_factor or 0.0) / self.run.scaling.force
                 forces = self._priced(price + self._chance(push * unit), exact)
                 state = self._with_mechanism(forces, exact, 1.0 - self._chance(push))
+                if state is not None and push == 0.0:  # friction is held as it is
+                    factor, most = state.load_factor or 0.0, self._extreme(sign)[0].load_factor
+                    if sign * (most - factor) > aim * self.run.scaling.unit(most):
+                        self._checked(state, label, self.pair.solved - begun)
                 yield
             if state is not None:
-                label = f"{'descent' if sign > 0.0 else 'ascent'} {walk + 1}"
                 most = self.pair.solved + self.rule.max_iterations // 4
                 yield from self._paired(label, state, most)
 
@@ -346,9 +351,15 @@ class _Search:
 
     # What is said
 
-    def _keep(self, member: Member, state: LimitState) -> None:
+    def _checked(self, state: LimitState, label: str, iterations: int) -> Found | None:
+        """Forces and a mechanism, kept if they are a solution."""
+        with self.run.clock.phase("certify"):
+            member = self.verifier.member(state, label, iterations)
+        if member is None or member.residual > self.rule.tolerance:
+            return None
         self.found.append((member, state))
         self._report()
+        return member, state
 
     def _report(self) -> None:
         members = sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
