@@ -40,10 +40,15 @@ def code_cells(notebook):
 def kinds(notebook):
     """What every cell shows: kinds of output, whatever the figures in it.
 
-    Printed lines arrive in one piece or in several, as it happens.
+    Printed lines arrive in one piece or in several, as it happens; what goes to stderr, such as
+    what a scheduler has to say of a busy machine, does not count.
     """
     shown = [
-        [(output.output_type, *sorted(output.get("data", ()))) for output in cell.outputs]
+        [
+            (output.output_type, *sorted(output.get("data", ())))
+            for output in cell.outputs
+            if output.get("name") != "stderr"
+        ]
         for cell in code_cells(notebook)
     ]
     return [[kind for kind, _ in itertools.groupby(cell)] for cell in shown]
