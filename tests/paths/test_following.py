@@ -369,19 +369,19 @@ def check(shown: Configuration, is_last: bool) -> None:
     "seeds", [range(1), pytest.param(range(1, 200), marks=pytest.mark.exhaustive)]
 )
 def test_random_towers_in_space_keep_the_laws(seeds: range) -> None:
-    """Every configuration, to the digits that it says it has; and nearly all paths end at zero
-    without sliding: in one of a hundred mechanisms compete, or a hinge moves within a step."""
-    whole = 0
+    """Every configuration, to the digits that it says it has. Of two hundred towers one is known
+    whose mechanisms compete until the iterates do not settle, which its path says."""
+    settled = 0
     for seed in seeds:
-        path = quick(tower(seed), step=0.08, until=0.02)
+        path = quick(tower(seed), step=0.02, until=0.02)
         assert path.status in ("zero", "not-converged"), (seed, path.reason)
+        assert not path.slides
         for shown in path:
             check(shown, is_last=shown is path[-1])
         assert path.work is not None
-        # some have three points only, and a bend where a hinge moves, which a spline cuts off
-        assert abs(path.work.difference) < 3e-2
-        whole += path.status == "zero" and not path.slides
-    assert whole >= 0.98 * len(seeds)
+        assert abs(path.work.difference) < 1e-3
+        settled += path.status == "zero"
+    assert settled >= len(seeds) - 1
 
 
 # Proof

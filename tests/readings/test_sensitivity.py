@@ -390,6 +390,14 @@ def test_tables_state_units() -> None:
         found.to_dataframe("joints")
 
 
+def test_moves_that_change_nothing_are_none() -> None:
+    """A dam that slides as one: its factor is friction times weight over water, wherever it is."""
+    solution = solve(builtin_scene("dam"))
+    found = solution.sensitivity()
+    assert not found.moves.any()
+    assert [name for name, _ in found.rows[:-1]] == ["friction", "weight"]
+
+
 def test_a_footprint_with_a_notch() -> None:
     """Corners of the notch count by area and torsion, those of the hull by rocking too."""
     u = np.array([(0, 0), (3, 0), (3, 2), (2, 2), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)

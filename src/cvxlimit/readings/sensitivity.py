@@ -173,8 +173,10 @@ class Sensitivity:
     @cached_property
     def moves(self) -> FloatArray:
         """By a move of every block (blocks, 3) in the scene's order, its neighbours where they
-        were: the sums over its vertices."""
-        return np.array([by.sum(axis=0) for by in self.vertices.values()])
+        were: the sums over its vertices. Where these cancel but for rounding, zero."""
+        total = np.array([by.sum(axis=0) for by in self.vertices.values()])
+        most = max(float(np.abs(by).sum(axis=0).max()) for by in self.vertices.values())
+        return np.where(np.abs(total) > _NOTHING * most, total, 0.0)
 
     def elasticity(self, of: str) -> FloatArray:
         """Per cent of the load factor per per cent of ``"friction"``, the other joint values,

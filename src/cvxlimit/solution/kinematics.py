@@ -197,8 +197,9 @@ zero-dilatancy) answers without dilatancy
     def _nearly(self) -> str:
         if self.nearly is None or self.lacks is None:
             return ""
-        but = f" but for {100.0 * self.lacks:.1g} % of it" if self.lacks > _NOTHING else ""
-        return f"; at a first look {rounded(self.nearly, 4)} holds without{but}, and lower ones may"
+        short = f" (short by {100.0 * self.lacks:.1g} %)" if self.lacks > _NOTHING else ""
+        found = rounded(self.nearly, 4)
+        return f"; at a first look {found} holds without dilatancy{short}, and lower ones may exist"
 
 
 def dilatancy_of(

@@ -47,7 +47,9 @@ def sensitivity(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     counts = (by_friction > look.SLOW * largest) & (largest > look.NOTHING)
     widths = look.THINNEST + (1.0 - look.THINNEST) * by_friction / (largest or 1.0)
     text = f"joint whose friction counts: {largest:.2g} % per 1 % at most"
-    said = f"derivatives by moves of single blocks: {most:.3g} per {scene.units.length} at most"
+    said = (
+        f"derivatives by moves of single blocks: {size.max():.3g} per {scene.units.length} at most"
+    )
     if counts.any():
         said += f"; 1 % more friction everywhere: {by_friction.sum():+.3g} %"
     return Drawing(
