@@ -20,7 +20,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import SLIDING, ZERO, Configuration, Ending, Path, Points, Work
-from cvxlimit.paths.points import CLOSED, Start
+from cvxlimit.paths.points import CLOSED, SETTLED, Start
 from cvxlimit.paths.proof import bracket_of
 from cvxlimit.scene import Scene
 
@@ -32,11 +32,10 @@ _STILL = 1e-9
 """Movement over the contact size that an iterate may still ask for: a tenth of what blocks may be
 in each other, and ten times what solvers leave."""
 
-_NEARLY = 1e-7
-"""The same after more iterates than rocking ever takes: digits end where mechanisms compete."""
-
 _FEW, _MANY = 12, 24
-"""Iterates: rocking takes 3 to 6; what has not settled in 24 has not settled in 60."""
+"""Iterates: rocking takes 3 to 6; what has not settled in 24 has not settled in 60. After the first
+``SETTLED`` is enough: digits end where mechanisms compete."""
+
 _FAR = 1e-3
 """Movement over the contact size from which two iterates lead to the end; still farther off after
 twelve, mechanisms compete, and half the step takes less time."""
@@ -118,7 +117,7 @@ class _Walk:
             turned = np.linalg.norm(answer.d[:, 3:], axis=1)
             moved = np.linalg.norm(answer.d[:, :3], axis=1) + turned * self.radius
             size = float(moved.max()) / self.size
-            if size <= (_STILL if iterate < _FEW else _NEARLY):
+            if size <= (_STILL if iterate < _FEW else SETTLED):
                 found = self._shown(pose, points, answer, w, size, iterate)
                 apart = Start.at(self.facets, pose, found.loose).points(pose)
                 if apart.gap.min(initial=0.0) < -CLOSED * self.size:
@@ -219,8 +218,13 @@ class _Walk:
                 continue
             pace = self.distance(here, there) / h
             if there.shown.load_factor <= until + self.enough(there):
-                self.keep(self._end(here, there, until))
-                return "zero", f"the load factor has come down to {until:g}"
+                end = self._end(here, there, until)
+                self.keep(end)
+                if end.shown.load_factor >= until - self.enough(end):
+                    return "zero", f"the load factor has come down to {until:g}"
+                parts = (f"{x.shown.load_factor:.4g}" for x in (here, end))
+                between = "iterates between do not settle"
+                return "zero", f"the load factor falls from {' to '.join(parts)}: {between}"
             self.keep(there)
             h = 2.0 * h if step is None else min(step, 2.0 * h)
             if marks is not None:

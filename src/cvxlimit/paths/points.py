@@ -23,7 +23,12 @@ CLOSED = 1e-6
 """Gap, over the contact size, up to which a point is closed."""
 
 NEAR = 1e-9
-"""What counts as one place, over the contact size: rounding of exact motions is far below."""
+"""Rounding of directions: what counts as parallel or normal."""
+
+SETTLED = 1e-7
+"""Movement over the contact size that iterates may leave at most. Flush blocks are flush to that,
+and a corner that is as near to an edge lies on it: with less, rounding decides whether there is a
+point more, with another normal, and forces on it cannot be found again."""
 
 DEEP = 0.5
 """Share of the thinner block's thickness: what is deeper behind a facet is behind its block."""
@@ -84,7 +89,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray]:
         for flat, x in ((flat_tail, ends[0]), (flat_head, ends[1])):
             flat.append(np.einsum("eix,ex->ei", basis[pair], x - plane[0][pair]))
     i, j = pairs.couples
-    near, edges = NEAR * size, (i, j)
+    near, edges = SETTLED * size, (i, j)
     is_over = [
         _inside(flat_tail[k], edges[k], flat_tail[1 - k][edges[1 - k]],
                 flat_head[1 - k][edges[1 - k]], near)
