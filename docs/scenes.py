@@ -47,7 +47,7 @@ def card(name: str, made: Path) -> str:
     started = process_time()
     solution = solve(builtin_scene(name))
     seconds = process_time() - started
-    bare = replace(mechanism_of(solution.drawn_scene, solution), has_axes=False, bar=None)
+    bare = replace(mechanism_of(solution.scene, solution), has_axes=False, bar=None)
     sheet = Sheet(figsize=(3.4, 2.7), title="", legend=False)  # words are too small on a card
     drawn(bare, sheet).savefig(made / "pictures" / f"{name}.png", dpi=150)
     solution.plot("page", made / "site" / "live" / f"{name}.html")

@@ -61,7 +61,7 @@ def measured(
     solution = solve(scene, method=Certified(tolerance=tolerance), moments=moments, progress=listen)
     whole = process_time() - start
     return (
-        solution.scene, len(scene.contacts), moments, str(solution.bracket),
+        solution.scene_name, len(scene.contacts), moments, str(solution.bracket),
         f"{solution.bracket.width:.2%}", len(solution.history), f"{whole:.1f}",
         f"{whole / first:.1f}", *(reached(solution, spent, first, width) for width in WIDTHS),
     )  # fmt: skip

@@ -78,7 +78,7 @@ def solution_report(solution: Solution, file: str | os.PathLike[str] | None, giv
     if given["sensitivity"] is None and (derive := getattr(solution, "sensitivity", None)):
         with suppress(InputError):  # no optimum of one convex problem has derivatives
             given = given | {"sensitivity": derive()}
-    made = report(solution, scene_digest(solution.drawn_scene), **given)
+    made = report(solution, scene_digest(solution.scene), **given)
     return made if file is None else made.save(file)
 
 
@@ -126,7 +126,7 @@ def sensitivity_sides(found: Any, change: Any, step: float) -> tuple[float, floa
 
 def solution_problem(solution: Solution) -> LimitProblem:
     """:attr:`cvxlimit.Solution.problem`."""
-    found = LimitProblem(solution.drawn_scene, solution.surfaces or solution.surface)
+    found = LimitProblem(solution.scene, solution.surfaces or solution.surface)
     found.surface = solution.surface
     return found
 

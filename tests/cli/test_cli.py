@@ -109,7 +109,7 @@ def test_result_file_is_the_solution(run: Run) -> None:
     scene = builtin_scene("stack")
     assert code == 0
     assert "written      out.json\n" in out
-    assert (result.scene, result.status) == ("stack", Status.CERTIFIED)
+    assert (result.scene_name, result.status) == ("stack", Status.CERTIFIED)
     assert (result.blocks, result.contacts) == (5, 5)
     assert result.forces is not None
     assert result.mechanism is not None
@@ -128,7 +128,7 @@ def test_result_file_is_the_solution(run: Run) -> None:
 def test_a_result_file_on_stdout_is_all_that_is_there(run: Run) -> None:
     code, out, err = run("solve", "stack", "--json", "-")
     Path("out.json").write_text(out, "utf-8")
-    assert (code, read_result("out.json").scene) == (0, "stack")
+    assert (code, read_result("out.json").scene_name) == (0, "stack")
     assert "status       certified" in err
     assert not Path("-").exists()
 
@@ -162,7 +162,7 @@ def test_result_file_equals_what_solve_returned(run: Run, monkeypatch: pytest.Mo
     run("solve", "single-block", "--json", "out.json")
     expected, result = returned[0], read_result("out.json")
     for name in (
-        "scene", "surface", "load_factor", "lower", "upper", "status", "history", "note",
+        "scene_name", "surface", "load_factor", "lower", "upper", "status", "history", "note",
         "versions",
     ):  # fmt: skip
         assert getattr(result, name) == getattr(expected, name), name

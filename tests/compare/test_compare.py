@@ -128,7 +128,7 @@ def test_plot_draws_every_line(tuff):
     pytest.importorskip("matplotlib")
     from matplotlib.figure import Figure
 
-    tuff = Comparison(tuff.scene, tuple(as_known(row) for row in tuff.rows))
+    tuff = Comparison(tuff.scene_name, tuple(as_known(row) for row in tuff.rows))
     figure = tuff.plot()
     labels = figure.axes[0].get_legend_handles_labels()[1]
     expected = {row.line for row in tuff.rows if not row.failed}

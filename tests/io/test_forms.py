@@ -206,8 +206,8 @@ def test_each_field_of_a_scene_is_in_its_file(name: str) -> None:
 
 MEMBER = Member(0.1, "dense", 3, 1e-9, 2e-9, 3e-9, 4e-9, np.zeros((0, 6)), np.zeros((0, 6)))
 SOLUTION = {
-    "scene": "a", "surface": "conic", "interaction": "certified", "moments": "paper", "blocks": 1,
-    "contacts": 1, "load_factor": 0.15, "bracket": Bracket(**EVERY[Bracket]),
+    "scene_name": "a", "surface": "conic", "interaction": "certified", "moments": "paper",
+    "blocks": 1, "contacts": 1, "load_factor": 0.15, "bracket": Bracket(**EVERY[Bracket]),
     "status": Status.INTERRUPTED, "history": (Iterate(**EVERY[Iterate]),),
     "seconds": {"solve": 1.0}, "forces": np.arange(6.0).reshape(1, 6),
     "mechanism": {"b": np.arange(6.0)},

@@ -159,7 +159,7 @@ def solutions(draw: st.DrawFn) -> Solution:
     forces = [draw(st.tuples(*[FINITE] * 6)) for _ in range(contacts)]
     rates = st.tuples(*[FINITE] * 6).map(np.array)
     return Solution(
-        scene=draw(TEXTS),
+        scene_name=draw(TEXTS),
         surface=draw(st.sampled_from(["conic", "octagon", "16-gon"])),
         interaction="none",
         moments="signed",
@@ -193,8 +193,8 @@ def assert_same_solution(a: Solution, b: Solution) -> None:
 
 def a_solution(**changes: Any) -> Solution:
     solution = Solution(
-        scene="tower", surface="conic", interaction="none", moments="signed", blocks=1, contacts=1,
-        load_factor=0.25, bracket=Bracket(0.2499, 0.25), status=Status.CERTIFIED,
+        scene_name="tower", surface="conic", interaction="none", moments="signed", blocks=1,
+        contacts=1, load_factor=0.25, bracket=Bracket(0.2499, 0.25), status=Status.CERTIFIED,
         history=(Iterate(0.25, 0.01, "CLARABEL", "optimal", upper=math.inf),),
         seconds={"detect": 0.1, "compile": 0.2, "solve": 0.3, "total": 0.6},
         forces=np.array([[0.0, 1.0, 80.0, -0.0, 1e-300, 0.1]]),

@@ -50,9 +50,9 @@ def drawings(monkeypatch) -> list[Drawing]:
 class TestThrust:
     def test_it_runs_inside_the_arch(self, arch: Solution) -> None:
         """Without tension no pressure centre leaves the ring: 0.15 thick about radius 1."""
-        ends, _ = thrust_lines(arch.drawn_scene, arch.forces)
+        ends, _ = thrust_lines(arch.scene, arch.forces)
         radius = np.linalg.norm(ends[..., [0, 2]], axis=2)
-        assert len(ends) == len(arch.drawn_scene.free)  # one line in every voussoir
+        assert len(ends) == len(arch.scene.free)  # one line in every voussoir
         assert radius.min() >= 1 - 0.075 - 1e-6
         assert radius.max() <= (1 + 0.075) / np.cos(np.pi / 40) + 1e-6
 
@@ -65,7 +65,7 @@ class TestThrust:
         assert closed.max() < 1.0 - 1e-4
 
     def test_the_thrust_of_a_line_is_the_joints(self, arch: Solution) -> None:
-        _, size = thrust_lines(arch.drawn_scene, arch.forces)
+        _, size = thrust_lines(arch.scene, arch.forces)
         normal = arch.to_dataframe()["N"]
         assert normal.min() <= size.min() <= size.max() <= normal.max()
 
@@ -76,7 +76,7 @@ class TestForces:
         lines = drawings[0].lines
         length = np.linalg.norm(lines.ends[:, 1] - lines.ends[:, 0], axis=1)
         assert length.min() > FAINTEST * length.max()
-        scene, contacts = tuff.drawn_scene, tuff.drawn_scene.contacts
+        scene, contacts = tuff.scene, tuff.scene.contacts
         size = np.linalg.norm(tuff.forces[:, :3], axis=1)
         assert length.max() == pytest.approx(lines.each * size.max())
         assert len(length) == (size > FAINTEST * size.max()).sum() < len(contacts)
@@ -90,7 +90,7 @@ class TestForces:
         """A bar's length over the force that it states is an arrow's over the force it stands
         for."""
         plotting.forces(arch)
-        notes, scene = drawings[0].notes, arch.drawn_scene
+        notes, scene = drawings[0].notes, arch.scene
         weight = float(np.linalg.norm(scene.dead_forces[:, :3].sum(axis=0)))
         push = float(np.linalg.norm(scene.live_forces[:, :3].sum(axis=0)))
         wanted = {"dead": weight, "live": arch.load_factor * push}
@@ -133,7 +133,7 @@ class TestMechanism:
     def test_the_displacement_that_is_drawn_is_stated(self, tuff: Solution, drawings) -> None:
         for times in (1.0, 2.0):
             plotting.mechanism(tuff, magnification=times)
-            moving = motion(tuff.drawn_scene, tuff)
+            moving = motion(tuff.scene, tuff)
             stated = f"largest displacement drawn {times * moving.scale * moving.largest:.3g} m"
             assert stated in drawings[-1].caption
 
@@ -235,7 +235,7 @@ class TestPage:
         assert share.max() == 1.0
         assert share.min() > 0.0
         ends = np.array(data["thrust"]["ends"]).reshape(-1, 2, 3)
-        blocks = tuff.drawn_scene.blocks
+        blocks = tuff.scene.blocks
         for line, block in zip(ends, data["thrust"]["block"], strict=True):
             corners = blocks[block].vertices
             # A joint's pressure centre lies on its block, to the digits of the page.
@@ -302,7 +302,7 @@ from cvxlimit.plotting.registry import picture
 
 @picture
 def plain(solution):
-    scene = solution.drawn_scene
+    scene = solution.scene
     return Drawing(scene, still(scene), camera_for(scene, still(scene), None))
 """
 
@@ -327,7 +327,7 @@ class TestOnesOwn:
         @picture
         def lintel(solution: Solution, *, words: str = "nothing") -> Drawing:
             """Blocks and a sentence."""
-            scene, moving = solution.drawn_scene, motion(solution.drawn_scene, solution)
+            scene, moving = solution.scene, motion(solution.scene, solution)
             return Drawing(scene, moving, camera_for(scene, moving, None), words)
 
         assert arch.plot("lintel", tmp_path / "own.png", words="falls").stat().st_size > 10_000
@@ -368,7 +368,7 @@ def test_names_complete() -> None:
 
 def test_pyvista_meshes_are_the_blocks(arch: Solution) -> None:
     meshes = plotting.to_pyvista(arch)
-    scene = arch.drawn_scene
+    scene = arch.scene
     assert meshes["blocks"].n_cells == len(scene.blocks)
     assert meshes["contacts"].n_cells == len(scene.contacts)
     volume = meshes["blocks"].compute_cell_sizes()["Volume"]
@@ -376,7 +376,7 @@ def test_pyvista_meshes_are_the_blocks(arch: Solution) -> None:
 
 
 def test_a_thumbnail_is_small(arch: Solution) -> None:
-    scene = arch.drawn_scene
+    scene = arch.scene
     image = Image.open(io.BytesIO(drawing.thumbnail(scene, motion(scene, arch), None)))
     assert max(image.size) <= 420
 
@@ -397,7 +397,7 @@ class TestSheet:
         solution = solve(builtin_scene(name))
         for kind in KINDS:
             assert_legible(solution.plot(kind, figsize=(3.4, 3.0)), 5)
-        assert_legible(solution.drawn_scene.plot(figsize=(3.4, 2.5)), 5)
+        assert_legible(solution.scene.plot(figsize=(3.4, 2.5)), 5)
 
     def test_sizes_titles_and_legends_are_the_callers(self, arch: Solution) -> None:
         figure = arch.plot("thrust", figsize=(3.4, 2.5), title="Arch", legend=False)

@@ -225,9 +225,7 @@ class TestClosedForms:
         assert hinge[:, 2].sum() == pytest.approx(0.0, abs=1e-9)
         assert found.moves[0, 2] == pytest.approx(0.16, rel=1e-6)
         wider = 0.0  # both blocks, whose edges coincide, about the middle of the joint
-        for block, by in zip(
-            found.solution.drawn_scene.blocks, found.vertices.values(), strict=True
-        ):
+        for block, by in zip(found.solution.scene.blocks, found.vertices.values(), strict=True):
             wider += (by * (block.vertices - block.centroid))[:, :2].sum()
         assert wider == pytest.approx(0.4, rel=1e-6)
         assert found.moves.sum(axis=0) == pytest.approx(0.0, abs=1e-9)
@@ -262,7 +260,7 @@ class TestClosedForms:
         growing = GrowingAcceleration((0.5, 0, 0), (0, 0, 0), (0, 0, 1))
         live = Load(pressures=[water], growing=[growing])
         found = solve(replace(single_block((1, 1, 1), friction=3.0), live=live)).sensitivity()
-        scene = found.solution.drawn_scene
+        scene = found.solution.scene
         weight = scene.total_weight
         moment = 0.75 + 2.0 / 6.0 + 0.5 * weight / 3.0
         alpha = weight / 2.0 / moment

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,7 +44,7 @@ def slab() -> Scene:
 
 
 def used(solution: Solution) -> float:
-    return float(utilisations(solution, solution.drawn_scene)["utilisation"][0])
+    return float(utilisations(solution, solution.scene)["utilisation"][0])
 
 
 @pytest.mark.parametrize("own", [HalfSliding, Sheet])
@@ -87,6 +90,22 @@ def test_built_in_surfaces_come_back_from_a_file(surface, tmp_path) -> None:
     write_result(solution, tmp_path / "slab.json")
     read = read_result(tmp_path / "slab.json").of(slab())
     assert used(read) == used(solution) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_solution_has_the_scene_that_was_solved_and_a_file_its_name(tmp_path: Path) -> None:
+    scene = slab()
+    solution = solve(scene)
+    assert solution.scene is scene
+    assert copy.copy(solution).scene is replace(solution, note="mine").scene is scene
+    for twin in (copy.deepcopy(solution), pickle.loads(pickle.dumps(solution))):
+        assert twin.scene.name == twin.scene_name == solution.scene_name == scene.name
+        assert twin.plot("forces") is not None
+    write_result(solution, tmp_path / "result.json")
+    read = read_result(tmp_path / "result.json")
+    assert read.scene_name == scene.name
+    with pytest.raises(InputError, match=r"has no scene, .*: solution\.of\(scene\) gives it back"):
+        _ = read.scene
+    assert read.of(scene).scene is scene
 
 
 def test_a_pickle_keeps_surfaces_of_a_module_and_drops_those_of_a_function() -> None:

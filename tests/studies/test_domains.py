@@ -294,7 +294,7 @@ def test_files_pickles_and_tables(tmp_path: Path) -> None:
     assert list(read.names) == list(domain.names)
     solution = read.of(scene).supports[0].solution
     assert solution is not None
-    assert solution.drawn_scene.name == scene.name
+    assert solution.scene.name == scene.name
     table = domain.to_dataframe()
     assert len(table) == len(domain.supports)
     assert "<table>" in domain._repr_html_()
@@ -307,7 +307,7 @@ def test_every_support_has_the_solution_behind_it() -> None:
     for support in domain.supports:
         solution = support.solution
         assert solution is not None
-        again = solve(solution.drawn_scene)
+        again = solve(solution.scene)
         assert solution.lower <= again.upper * (1 + 1e-9)
         assert again.lower <= solution.upper * (1 + 1e-9)
 

@@ -44,7 +44,7 @@ def test_published_scenes(name: str, surface: str) -> None:
     assert (len(scene.free), len(scene.contacts)) == (blocks, contacts)
     solution = solve(scene, surface)
     assert_certified(solution, scene, proved=True)
-    assert (solution.surface, solution.scene) == (surface, name)
+    assert (solution.surface, solution.scene_name) == (surface, name)
     assert solution.load_factor == pytest.approx(factor, rel=1e-5)
     # The bracket is of the number above, which is rounded to six digits.
     assert solution.lower <= factor + 1e-6

@@ -101,7 +101,7 @@ def _summary(domain: LoadDomain, written: Sequence[str]) -> Table:
     kind = domain.surface if domain.method == "convex" else f"{domain.surface}, {domain.method}"
     return facts(
         [
-            ("scene", domain.scene),
+            ("scene", domain.scene_name),
             ("surface", kind),
             *((f"largest {name}", f"[{low}, {high}]")
               for name, (low, high) in domain.extent().items()),

@@ -148,7 +148,7 @@ def summary(
     solvers = Counter(one_line(iterate.solver) for iterate in solution.history)
     return facts(
         [
-            ("scene", f"{solution.scene} ({origin})"),
+            ("scene", f"{solution.scene_name} ({origin})"),
             ("size", f"{blocks} x {counted(solution.contacts, 'contact')}"),
             ("friction", _friction(solution.solved_scene)),
             ("model", f"reduced: {', '.join(solution.model)}" if solution.model else ""),

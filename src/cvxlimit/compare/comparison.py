@@ -58,8 +58,7 @@ class Comparison:
 
     Attributes
     ----------
-    scene : str
-        Name of the scene.
+    scene_name : str
     rows : tuple of Row
     is_interrupted : bool
         True after Ctrl-C: the rows are those of the models that had run by then.
@@ -72,7 +71,7 @@ class Comparison:
     ('cvxlimit', True)
     """
 
-    scene: str
+    scene_name: str
     rows: tuple[Row, ...]
     is_interrupted: bool = False
 
@@ -115,11 +114,11 @@ class Comparison:
         table = pandas.DataFrame([asdict(row) for row in self.rows], columns=names)
         table["is_on_front"] = table["method"].isin(self.front)
         result: DataFrame = table.set_index("method")
-        result.attrs = {"scene": self.scene, "is_interrupted": self.is_interrupted}
+        result.attrs = {"scene": self.scene_name, "is_interrupted": self.is_interrupted}
         return result
 
     def __repr__(self) -> str:
-        return f"Comparison({self.scene!r}: {', '.join(row.method for row in self.rows):.100})"
+        return f"Comparison({self.scene_name!r}: {', '.join(row.method for row in self.rows):.100})"
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.table())}</pre>"
@@ -143,7 +142,7 @@ class Comparison:
         chart = figures("chart").Chart.of({"ax": ax, **options}, (10.0, 5.2))
         draw_time_against_error(chart.axes, self.rows)
         note = f"; {left_out} of {len(self.rows)} models have no figure" if left_out else ""
-        chart.write(f"{self.scene}: time against true error{note}")
+        chart.write(f"{self.scene_name}: time against true error{note}")
         chart.name_lines()
         figure: Figure = chart.figure
         return figure
@@ -163,7 +162,7 @@ class Comparison:
 
         figure: Figure = figures().SceneFigure(figsize=figsize, layout="constrained")
         draw_against_facets(figure.subplots(1, 2), rows)
-        figure.suptitle(f"{self.scene}: facets in place of the cone", parse_math=False)
+        figure.suptitle(f"{self.scene_name}: facets in place of the cone", parse_math=False)
         return figure
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:

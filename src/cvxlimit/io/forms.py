@@ -151,7 +151,7 @@ class Key:
     What is not needed may be left out, is then the field's default or None, and is not written
     where it equals that, unless ``is_written``; None asks the field whether it has a default. An
     entry that ``is_several`` fields is read as a dict of them, written from the whole record, and
-    left out where that gives None.
+    left out where that gives None. ``field`` names the field where it is not called as its key.
     """
 
     form: Form
@@ -159,6 +159,7 @@ class Key:
     is_needed: bool | None = None
     is_written: bool = False
     is_several: bool = False
+    field: str = ""
 
 
 def record(
@@ -182,7 +183,7 @@ def record(
         for key, each in keys.items():
             if key in entry:
                 found = each.form.read(entry[key], each.where.format(key=key, owner=where), where)
-                given |= found if each.is_several else {key: found}
+                given |= found if each.is_several else {each.field or key: found}
             elif key not in defaults and not each.is_several:
                 given[key] = None
         with refusals(prefix.format(where=where)):
@@ -191,7 +192,7 @@ def record(
     def write(value: Any, where: str, _: str) -> JsonObject:
         result: JsonObject = {}
         for key, each in keys.items():
-            found = value if each.is_several else getattr(value, key)
+            found = value if each.is_several else getattr(value, each.field or key)
             if key in needed or each.is_written or found != defaults.get(key):
                 entry = each.form.write(found, each.where.format(key=key, owner=where), where)
                 if entry is not None or not each.is_several:

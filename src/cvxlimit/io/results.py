@@ -227,7 +227,7 @@ RESULT: Document[Solution] = Document(
     record(
         Solution,
         {
-            "scene": Key(TEXT, "{key}"),
+            "scene": Key(TEXT, "{key}", field="scene_name"),
             "surface": Key(TEXT, "{key}"),
             "interaction": Key(TEXT, "{key}"),
             "moments": Key(TEXT, "{key}"),
@@ -303,11 +303,11 @@ def write_result(solution: Solution, path: Path) -> None:
 def result_to_dict(solution: Solution) -> JsonObject:
     """The result as plain dicts, lists, texts and numbers, laid out as in a result file.
 
-    Keys are the fields of :class:`~cvxlimit.solution.Solution`, and ``components``, which names the
-    columns of forces and mechanism; ``bracket`` says which bounds are
-    proved, and by what the width of one around zero is measured. A missing bound becomes None; any
-    other number that is not finite the text "nan", "inf" or "-inf". In the history, fields that do
-    not apply are left out.
+    Keys are the fields of :class:`~cvxlimit.solution.Solution`, ``scene`` for the scene's name, and
+    ``components``, which names the columns of forces and mechanism; ``bracket`` says which bounds
+    are proved, and by what the width of one around zero is measured. A missing bound becomes None;
+    any other number that is not finite the text "nan", "inf" or "-inf". In the history, fields that
+    do not apply are left out.
 
     Raises
     ------

@@ -377,7 +377,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     dilatancy = None if method.axis == "flow" else dilatancy_in(run, best)
     return Solution(
         **words,
-        scene=scene.name,
+        scene_name=scene.name,
         moments=run.moments.name,
         blocks=len(scene.free),
         contacts=len(run.contacts),

@@ -84,7 +84,7 @@ def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
     found = found or solution.surfaces
     if not found:
         raise InputError(
-            f"the solution of {solution.scene!r} rests on surfaces of one's own "
+            f"the solution of {solution.scene_name!r} rests on surfaces of one's own "
             f"({solution.surface}), which no file holds: give them as surface=[...]"
         )
     return found
@@ -100,7 +100,7 @@ class _Again:
         moments: str | Moments | None,
         formulation: Formulation,
     ) -> None:
-        self.run = Run(solution.drawn_scene, surfaces, formulation=formulation)
+        self.run = Run(solution.scene, surfaces, formulation=formulation)
         self.moments = moments
         self.reference: tuple[FloatArray | None, float] | None = None
         self._take(solution)
@@ -285,7 +285,7 @@ class _Again:
         reading = reading_of(solution.moments) if self.moments is None else None
         if reading is None and self.moments is None:
             raise InputError(
-                f"the solution of {solution.scene!r} rests on moments of one's own "
+                f"the solution of {solution.scene_name!r} rests on moments of one's own "
                 f"({solution.moments!r}), which no file holds: give them as moments=..."
             )
         run.moments = reading or parse_moments(self.moments or "")

@@ -61,7 +61,7 @@ class CodeCheck:
 
     Attributes
     ----------
-    scene : str
+    scene_name : str
     units : Units
     confidence_factor, g, q : float
     weight : float
@@ -90,7 +90,7 @@ class CodeCheck:
     (1.0, 0.2, 0.9969)
     """
 
-    scene: str
+    scene_name: str
     units: Units
     confidence_factor: float
     g: float
@@ -158,14 +158,14 @@ class CodeCheck:
         """
         pandas = needed("pandas", "frames", "tables")
         table = pandas.DataFrame(self.rows, columns=["quantity", "value", "unit", "meaning"])
-        table.attrs = {"scene": self.scene, "source": SOURCE}
+        table.attrs = {"scene": self.scene_name, "source": SOURCE}
         return table
 
     def __str__(self) -> str:
         rows = [(name, f"{value:.6g} {unit}", said) for name, value, unit, said in self.rows]
         wide = [max(len(row[k]) for row in rows) for k in (0, 1)]
         lines = (f"{a:{wide[0]}}  {b:{wide[1]}}  {c}" for a, b, c in rows)
-        return "\n".join([f"code check of {self.scene!r}", *lines, *self.notes, SOURCE])
+        return "\n".join([f"code check of {self.scene_name!r}", *lines, *self.notes, SOURCE])
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """The capacity curve with both limit states; with ``path``, a file.

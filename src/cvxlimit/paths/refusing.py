@@ -60,4 +60,4 @@ def refuse_answer(initial: Solution) -> None:
     elif initial.load_factor is None:
         why = f"its load factor was not found ({initial.status})"
     if why:
-        raise NoAnswerError(f"no path begins at scene {initial.drawn_scene.name!r}: {why}")
+        raise NoAnswerError(f"no path begins at scene {initial.scene.name!r}: {why}")

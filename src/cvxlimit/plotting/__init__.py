@@ -71,7 +71,7 @@ def picture_of(
     if path is None:
         return PICTURES[kind](solution, **options)
     if Path(path).suffix.lower() in (".html", ".vtu") and not options and kind != "page":
-        return plot(solution.drawn_scene, solution, path)[0]
+        return plot(solution.scene, solution, path)[0]
     return saved(PICTURES[kind](solution, **options), path, options)
 
 

@@ -110,7 +110,7 @@ def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:
 
 
 def at_rest(solution: Solution, viewer: Viewer, caption: str, **parts: Any) -> Drawing:
-    scene = solution.drawn_scene
+    scene = solution.scene
     camera = camera_for(scene, motion(scene, solution), viewer)
     pale = block_colours(scene, still(scene), stone=PALE)
     return Drawing(scene, still(scene), camera, title(solution), caption, colours=pale, **parts)

@@ -182,7 +182,7 @@ def domain_html(domain: Any) -> str:
     image = None
     if len(domain.points):
         image = _drawn([domain]).file("png")
-    return card(printable(domain.scene), iter(rows), image)
+    return card(printable(domain.scene_name), iter(rows), image)
 
 
 def _label(domain: Any) -> str:
@@ -192,9 +192,9 @@ def _label(domain: Any) -> str:
 def _title(domains: Sequence[Any]) -> str:
     first = domains[0]
     if len(domains) > 1:
-        return f"{printable(first.scene)}: loads carried, by surface"
+        return f"{printable(first.scene_name)}: loads carried, by surface"
     gap = f"gap at most {100 * first.gap:.2g} %" if np.isfinite(first.gap) else str(first.method)
-    return f"{printable(first.scene)}, {_label(first)}: {gap}, {first.solves} solves"
+    return f"{printable(first.scene_name)}, {_label(first)}: {gap}, {first.solves} solves"
 
 
 def around(corners: FloatArray) -> IntArray:

@@ -38,7 +38,7 @@ def table_of(solution: Solution, what: str) -> DataFrame:
     if solution.solved_scene is None and (solution.contact_names or what == "blocks"):
         index, columns = _read(solution, what)
     else:
-        index, columns = _TABLES[what](solution, solution.drawn_scene)
+        index, columns = _TABLES[what](solution, solution.scene)
     return _table(pandas, index, columns, what.removesuffix("s"), _facts(solution))
 
 
@@ -80,7 +80,7 @@ def sensitivity_table(found: Sensitivity, what: str) -> DataFrame:
     if what not in made:
         raise InputError(f"there is no table {what!r}: choose one of {', '.join(made)}")
     pandas = needed("pandas", "frames", "tables")
-    index, columns = made[what](found, found.solution.drawn_scene)
+    index, columns = made[what](found, found.solution.scene)
     name = {"vertices": "block"}.get(what, what.removesuffix("s"))
     return _table(pandas, index, columns, name, {**_facts(found.solution), "note": found.note})
 
@@ -270,9 +270,9 @@ def _history(solution: Solution, pandas: Any) -> DataFrame:
 
 
 def _facts(solution: Solution) -> dict[str, Any]:
-    names = ("scene", "surface", "load_factor", "lower", "upper", "interaction", "moments")
+    names = ("surface", "load_factor", "lower", "upper", "interaction", "moments")
     band = {} if solution.iteration is None else {"iteration": asdict(solution.iteration)}
-    facts = {name: getattr(solution, name) for name in names}
+    facts = {"scene": solution.scene_name} | {name: getattr(solution, name) for name in names}
     ends = {} if solution.interval is None else {"interval": solution.interval}
     share = {} if solution.dilatancy is None else {"dilatancy": solution.dilatancy.share}
     return {**facts, "status": str(solution.status), **band, **ends, **share}

@@ -149,7 +149,7 @@ def title(solution: Solution) -> str:
     ...                Bracket(0.423056, 0.4230593), Status.CERTIFIED, (), {}))
     'tuff-wall, Coulomb friction: load factor α = 0.42306'
     """
-    what = f"{printable(solution.scene)}, {_FRICTION.get(solution.surface, solution.surface)}"
+    what = f"{printable(solution.scene_name)}, {_FRICTION.get(solution.surface, solution.surface)}"
     if solution.interaction in _BENDING:
         what += f", {_BENDING[solution.interaction]} ({solution.moments} moments)"
     elif solution.interaction != "none":

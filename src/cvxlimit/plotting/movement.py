@@ -149,7 +149,7 @@ def _block_rates(scene: Scene, solution: Solution) -> FloatArray:
     if missing or strange:
         fault = f"lacks block {missing[0]!r}" if missing else f"names block {strange[0]!r}"
         raise InputError(
-            f"the mechanism {fault}: the solution of {solution.scene!r} does not belong to "
+            f"the mechanism {fault}: the solution of {solution.scene_name!r} does not belong to "
             f"scene {scene.name!r}"
         )
     for name, own in solution.mechanism.items():

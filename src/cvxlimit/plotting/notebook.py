@@ -27,9 +27,8 @@ def scene_html(scene: Scene) -> str:
 
 
 def solution_html(solution: Solution) -> str:
-    return card(
-        printable(solution.scene), _solution_rows(solution), _image(solution.solved_scene, solution)
-    )
+    image = _image(solution.solved_scene, solution)
+    return card(printable(solution.scene_name), _solution_rows(solution), image)
 
 
 def _scene_rows(scene: Scene, refusal: InputError | None) -> Rows:

@@ -71,7 +71,7 @@ def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[st
         ax.plot([d, d, 0.0], [0.0, a, a], "--", color=_LIMITS[name], lw=1.0)
         ax.plot(d, a, "o", color=_LIMITS[name], ms=6, label=f"{name}: d = {d:.3g} {unit}, {said}")
     ax.set(xlabel=f"spectral displacement ({unit})", ylabel=f"spectral acceleration ({unit}/s²)")
-    chart.write(f"{printable(check.scene)}: a0* = {check.a0_star:.3g} {unit}/s², "
+    chart.write(f"{printable(check.scene_name)}: a0* = {check.a0_star:.3g} {unit}/s², "
                 f"e* = {check.e_star:.3g}, d0 = {check.d0:.3g} {unit}")  # fmt: skip
     chart.write_legend()
     return chart.figure if file is None else saved(chart.figure, file, options)

@@ -52,7 +52,7 @@ def picture(make: Callable[P, Drawing]) -> Callable[P, SceneFigure]:
     >>> @picture
     ... def falling(solution, *, viewer=None):
     ...     '''How it falls, without any words.'''
-    ...     scene = solution.drawn_scene
+    ...     scene = solution.scene
     ...     moving = motion(scene, solution)
     ...     return Drawing(scene, moving, camera_for(scene, moving, viewer))
     >>> type(solve(builtin_scene("single-block")).plot("falling")).__name__

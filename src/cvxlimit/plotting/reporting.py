@@ -42,7 +42,7 @@ def report(
     without_dilatancy: Solution | None = None,
 ) -> Page:
     """The page of :meth:`cvxlimit.Solution.report`; ``digest`` is that of the scene."""
-    scene = solution.drawn_scene
+    scene = solution.scene
     given = {"Sensitivity": sensitivity, "Path": path, "Code check": check}
     sections = [
         ("Result", _table(_result(solution, without_dilatancy), "result")),

@@ -56,7 +56,7 @@ def to_pyvista(solution: Solution) -> Any:
     >>> meshes["blocks"].n_cells, meshes["contacts"].n_cells
     (2, 1)
     """
-    blocks, contacts = _meshes(solution.drawn_scene, solution, "PyVista meshes")
+    blocks, contacts = _meshes(solution.scene, solution, "PyVista meshes")
     return needed("pyvista", "pyvista", "meshes").MultiBlock(
         {"blocks": blocks, "contacts": contacts}
     )

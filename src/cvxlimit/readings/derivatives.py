@@ -78,7 +78,7 @@ class Proof:
     """Forces and mechanism of a solution, and what they give at contacts that have changed."""
 
     def __init__(self, solution: Solution, surfaces: Sequence[YieldSurface]) -> None:
-        self.scene, self.surfaces = solution.drawn_scene, surfaces
+        self.scene, self.surfaces = solution.scene, surfaces
         scene, contacts = self.scene, self.scene.contacts
         rates = np.zeros((len(scene.blocks), 6))
         place = {block.id: i for i, block in enumerate(scene.blocks)}

@@ -109,7 +109,7 @@ class Sensitivity:
     def rows(self) -> list[tuple[str, str]]:
         """The most important, as pairs of name and text: what a per cent of friction and other
         values changes, everywhere and where most, and a move of a stone."""
-        scene, found = self.solution.drawn_scene, list[tuple[str, str]]()
+        scene, found = self.solution.scene, list[tuple[str, str]]()
         names = dict.fromkeys(JOINTS, scene.contacts.names)
         names["weight"] = tuple(scene.blocks[i].id for i in scene.free)
         for what, own in names.items():
@@ -187,7 +187,7 @@ class Sensitivity:
         InputError
             For anything else, and for a load factor of 0, of which there are no per cents.
         """
-        scene, factor = self.solution.drawn_scene, self.solution.load_factor
+        scene, factor = self.solution.scene, self.solution.load_factor
         values = {name: getattr(scene.contacts, name) for name in JOINTS}
         values["weight"] = np.array([scene.blocks[i].weight for i in scene.free])
         values |= {"dead": scene.dead_forces, "live": scene.live_forces}

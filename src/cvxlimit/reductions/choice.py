@@ -239,7 +239,7 @@ class Explanation:
     methods, to a factor of five or so. ``told`` is what detection leaves out or simplifies.
     """
 
-    scene: str
+    scene_name: str
     blocks: int
     contacts: int
     sizes: Mapping[str, Shape]
@@ -251,13 +251,13 @@ class Explanation:
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{name} {s.variables} variables" for name, s in self.sizes.items())
-        return f"Explanation({self.scene!r}: {sizes}, {self.solver}, {self.seconds:.1g} s)"
+        return f"Explanation({self.scene_name!r}: {sizes}, {self.solver}, {self.seconds:.1g} s)"
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(str(self))}</pre>"
 
     def __str__(self) -> str:
-        lines = [f"{self.scene}: {self.blocks} free blocks x {self.contacts} contacts"]
+        lines = [f"{self.scene_name}: {self.blocks} free blocks x {self.contacts} contacts"]
         head = ("model", "variables", "equations", "rows", "cones")
         lines.append("".join(f"{name:>11}" if i else f"{name:<10}" for i, name in enumerate(head)))
         for name, s in self.sizes.items():

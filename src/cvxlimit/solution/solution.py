@@ -36,8 +36,7 @@ class Solution:
 
     Attributes
     ----------
-    scene : str
-        Name of the scene.
+    scene_name : str
     surface : str
         ``"conic"``, ``"octagon"``, ``"16-gon"`` ...
     interaction : str
@@ -105,7 +104,7 @@ class Solution:
         not in the utilisation of tables and pictures.
     """
 
-    scene: str
+    scene_name: str
     surface: str
     interaction: str
     moments: str
@@ -144,7 +143,7 @@ class Solution:
 
     def __repr__(self) -> str:
         """One line: what was solved, the load factor, its bracket, how it ended."""
-        what = f"{self.scene!r}, {self.surface}"
+        what = f"{self.scene_name!r}, {self.surface}"
         if self.interaction != "none":
             what += f", {self.interaction} interaction, {self.moments} moments"
         if self.load_factor is None:
@@ -257,29 +256,37 @@ class Solution:
         for what, number in own.items():
             if number != found[what]:
                 raise InputError(
-                    f"the solution of {self.scene!r} has {number} {what}, but scene "
+                    f"the solution of {self.scene_name!r} has {number} {what}, but scene "
                     f"{scene.name!r} has {found[what]}: it does not belong to it"
                 )
         missing = sorted(set(free) - set(free if self.mechanism is None else self.mechanism))
         if missing:
             raise InputError(
-                f"the mechanism lacks block {missing[0]!r}: the solution of {self.scene!r} does "
-                f"not belong to scene {scene.name!r}"
+                f"the mechanism lacks block {missing[0]!r}: the solution of {self.scene_name!r} "
+                f"does not belong to scene {scene.name!r}"
             )
         return replace(self, solved_scene=scene, surfaces=tuple(surfaces) or self.surfaces)
 
     @property
-    def drawn_scene(self) -> Scene:
+    def scene(self) -> Scene:
         """The scene that was solved.
 
         Raises
         ------
         InputError
-            If the solution has no scene, as after reading a file.
+            For a solution read from a file, which has the scene's name and digest only: :meth:`of`
+            gives it its scene, and ``solved_scene`` is None until then.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene, solve
+        >>> solution = solve(builtin_scene("arch"))
+        >>> solution.scene_name, len(solution.scene.contacts)
+        ('arch', 21)
         """
         if self.solved_scene is None:
             raise InputError(
-                f"the solution of {self.scene!r} comes without its scene: "
+                f"the solution of {self.scene_name!r} has no scene, since files do not hold it: "
                 "solution.of(scene) gives it back"
             )
         return self.solved_scene

@@ -157,9 +157,9 @@ def _path(path: Displacements, scene: Scenes | None) -> Proof:
 def _result(solution: Solution, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
     if scene is None and solution.solved_scene is not None:
         scene = solution.solved_scene
-    given = _scene_of(solution.scene, solution.scene_digest, scene, _ALL)
+    given = _scene_of(solution.scene_name, solution.scene_digest, scene, _ALL)
     checks = solution_checks(solution, given, **own)
-    return Proof(f"result of scene {solution.scene!r}", tuple(checks))
+    return Proof(f"result of scene {solution.scene_name!r}", tuple(checks))
 
 
 def _scene_of(name: str, digest: str, scene: Scenes | None, cases: set[str]) -> Scene:
@@ -281,7 +281,7 @@ def _json(text: str) -> Any:
 
 
 def _domain(domain: LoadDomain, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
-    given = _scene_of(domain.scene, domain.scene_digest, scene, {"dead"})
+    given = _scene_of(domain.scene_name, domain.scene_digest, scene, {"dead"})
     return Proof(
-        f"load domain of {domain.scene!r}", tuple(DomainAgain(domain, given, own).checks())
+        f"load domain of {domain.scene_name!r}", tuple(DomainAgain(domain, given, own).checks())
     )

@@ -24,7 +24,7 @@ def first_look(solution: Solution, progress: Progress | None = None) -> Solution
     is_one = words == ("none", "associated", "linear") and solution.lower_end is None
     if found is None or not found.is_worth_a_word or found.is_all or not is_one or forces is None:
         return solution
-    run = Run(solution.drawn_scene, solution.surfaces or solution.surface, progress=progress)
+    run = Run(solution.scene, solution.surfaces or solution.surface, progress=progress)
     run.tell("looking at the load factor without dilatancy")
     pair = Pair(run, is_symmetric=True)
     compressions = forces[:, COLUMN["N"]] + (0.0 if run.mortar is None else run.mortar.pull)

@@ -128,12 +128,12 @@ def animation(
     number = count(frames, 4, "frames of an animation")
     if number % 2:
         raise ModelError(f"frames of an animation must be even, got {number}")
-    drawing = mechanism_of(solution.drawn_scene, solution, magnification, viewer)
+    drawing = mechanism_of(solution.scene, solution, magnification, viewer)
     moving = drawing.moving
     if not moving.moves:
         raise InputError(
-            f"the solution of {solution.scene!r} has no mechanism ({solution.status}): there is "
-            "nothing to set in motion"
+            f"the solution of {solution.scene_name!r} has no mechanism ({solution.status}): there "
+            "is nothing to set in motion"
         )
     made = figures()
     figure, shown = made.assembled(drawing, seen(drawing), made.Sheet(**options))

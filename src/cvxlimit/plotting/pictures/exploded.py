@@ -46,7 +46,7 @@ def exploded(solution: Solution | Scene, *, gap: float = 0.45, viewer: Viewer = 
         For a solution without its scene, or a gap that is not above 0.
     """
     away = positive(gap, "gap of an exploded view")
-    scene = solution if isinstance(solution, Scene) else solution.drawn_scene
+    scene = solution if isinstance(solution, Scene) else solution.scene
     solved = solution if isinstance(solution, Solution) and solution.forces is not None else None
     shown = motion(scene, solved) if solved else still(scene)
     caption, used = "exploded view: joints", np.full(len(scene.contacts), np.nan)

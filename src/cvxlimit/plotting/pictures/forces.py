@@ -52,7 +52,7 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     :func:`mechanism`; besides, a solution must have forces. Planar structures are seen straight
     from the front unless ``viewer`` says otherwise.
     """
-    scene = solution.drawn_scene
+    scene = solution.scene
     contacts, found = scene.contacts, forces_of(scene, solution)
     _, place = pressure_centres(contacts, found)
     vectors = np.einsum("nk,nkx->nx", found[:, :3], contacts.axes)
@@ -86,7 +86,7 @@ def thrust(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     the force; what carries less than 2 % of the largest is left out, in space less than 10 %. There
     blocks are glass, and lines behind fainter. Parameters and errors as for :func:`forces`.
     """
-    scene = solution.drawn_scene
+    scene = solution.scene
     found = forces_of(scene, solution)
     ends, size = thrust_lines(scene, found)
     largest = float(size.max(initial=0.0)) or 1.0
@@ -106,7 +106,7 @@ def _with_forces(
     lines: Lines,
 ) -> Drawing:  # fmt: skip
     """Lines over the blocks, the darker the larger the force; in space fainter behind, on glass."""
-    scene = solution.drawn_scene
+    scene = solution.scene
     is_flat = _is_planar(scene)
     front: Viewer = tuple((-thin_axis(scene)).tolist()) if is_flat else None
     opacity = np.minimum(0.4 + share, 1.0)

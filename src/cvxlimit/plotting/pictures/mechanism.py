@@ -41,7 +41,7 @@ def mechanism(solution: Solution, *, magnification: float = 1.0, viewer: Viewer 
     InputError
         For a solution without its scene, or a magnification that is not above 0.
     """
-    return mechanism_of(solution.drawn_scene, solution, magnification, viewer)
+    return mechanism_of(solution.scene, solution, magnification, viewer)
 
 
 def mechanism_of(
@@ -84,7 +84,7 @@ def cracks(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     Lines are the wider the faster the joints move; below 5 % of the fastest there is none.
     Parameters and errors as for :func:`mechanism`.
     """
-    scene = solution.drawn_scene
+    scene = solution.scene
     said = f"crack pattern: lines by rate, above {100 * SLOW:g} % of the largest"
     marking = moving_joints(scene, motion(scene, solution), CRACK)
     return at_rest(solution, viewer, said, marking=marking)

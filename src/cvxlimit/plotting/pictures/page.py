@@ -10,4 +10,4 @@ from cvxlimit.solution import Solution
 @listed
 def page(solution: Solution) -> webpage.Page:
     """An interactive page in one file that works offline: turn, zoom, animate, point at things."""
-    return webpage.page(solution.drawn_scene, solution)
+    return webpage.page(solution.scene, solution)

@@ -35,7 +35,7 @@ def sensitivity(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     >>> type(solve(builtin_scene("arch")).plot("sensitivity", figsize=(3.4, 3.0))).__name__
     'SceneFigure'
     """
-    scene, found = solution.drawn_scene, solution.sensitivity()
+    scene, found = solution.scene, solution.sensitivity()
     moves = found.moves
     size = np.linalg.norm(moves, axis=1)
     most = float(size.max()) or 1.0

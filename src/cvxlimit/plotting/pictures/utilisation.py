@@ -61,7 +61,7 @@ def utilisation(
     >>> type(solution.plot("utilisation", load_factor=half, figsize=(3.4, 3.0))).__name__
     'SceneFigure'
     """
-    scene = solution.drawn_scene
+    scene = solution.scene
     shown, said = solution, "at collapse, in the state of forces that was found"
     if state == "least-used":
         shown, said = least_used_state(solution, scene, load_factor)

@@ -105,7 +105,8 @@ DOMAIN: Document[LoadDomain] = Document(
     record(
         LoadDomain,
         {
-            **{name: Key(TEXT, "{key}") for name in ("scene", "surface", "method")},
+            "scene": Key(TEXT, "{key}", field="scene_name"),
+            **{name: Key(TEXT, "{key}") for name in ("surface", "method")},
             "loads": Key(LOADS, "{key}"),
             "units": Key(VECTOR, "{key}"),
             "supports": Key(listed(SUPPORT), "{key}"),

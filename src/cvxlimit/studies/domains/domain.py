@@ -47,7 +47,7 @@ class LoadDomain:
 
     Attributes
     ----------
-    scene, surface, method : str
+    scene_name, surface, method : str
         What was asked about.
     loads : mapping of str to Load
         The live loads by name; load factors stand in their order.
@@ -82,7 +82,7 @@ class LoadDomain:
     (True, True)
     """
 
-    scene: str
+    scene_name: str
     surface: str
     method: str
     loads: Mapping[str, Load]
@@ -338,7 +338,7 @@ class LoadDomain:
                 }
             )
         table: DataFrame = pandas.DataFrame(rows)
-        table.attrs = {"scene": self.scene, "surface": self.surface, "gap": self.gap}
+        table.attrs = {"scene": self.scene_name, "surface": self.surface, "gap": self.gap}
         return table
 
     def plot(self, path: str | None = None, **options: Any) -> Figure | Page | Any:
@@ -371,7 +371,7 @@ class LoadDomain:
         """One line: what of, how close, from how many solves."""
         gap = f"gap {self.gap_said}" if self.is_convex else "points one by one"
         return (
-            f"{self.scene!r} under {', '.join(self.names)}, {self.surface}: {gap}, "
+            f"{self.scene_name!r} under {', '.join(self.names)}, {self.surface}: {gap}, "
             f"{len(self.points)} points, {len(self.offsets)} half-spaces, "
             f"{self.solves} solves, {self.status}"
         )

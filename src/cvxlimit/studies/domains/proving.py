@@ -32,7 +32,7 @@ class DomainAgain:
             )
         if surface is None:
             raise InputError(
-                f"the domain of {domain.scene!r} rests on surfaces of one's own "
+                f"the domain of {domain.scene_name!r} rests on surfaces of one's own "
                 f"({domain.surface}), which no file holds: give them as surface=[...]"
             )
         self.surface = surface

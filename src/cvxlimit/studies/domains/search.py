@@ -385,7 +385,8 @@ def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
     if known.about != domain.about:
         raise InputError(
             f"{path}: holds the domain of another scene, other loads or other options (scene "
-            f"{known.scene!r}, {known.surface}, {known.method}): take another file, or delete it"
+            f"{known.scene_name!r}, {known.surface}, {known.method}): take another file, or "
+            "delete it"
         )
     return replace(domain, supports=known.supports, solves=known.solves, seconds=known.seconds)
 
