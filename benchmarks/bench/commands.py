@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks.bench import archive, chart, outside, prove, running
-from benchmarks.bench.case import cases, make
+from benchmarks.bench.case import cases
 
 console = Console(highlight=False, soft_wrap=True)
 
@@ -20,7 +20,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     options = {
         "list": "names and titles of all cases",
-        "make": "write scene files and records anew from the scripts",
         "prove": "brackets into the records; those that stand are kept",
         "run": "tools on cases, one row at a time; rows that stand are kept",
         "table": "what the tools answered, beside the proof; --write: into docs/evidence/bench.md",
@@ -55,11 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         outside.table(found, asked.write, console.print)
     elif asked.command == "list":
         for each in cases(asked.case):
-            console.print(f"{each.name:28} {each.title}")
-    elif asked.command == "make":
-        for each in cases(asked.case):
-            make(each)
-            console.print(each.name)
+            console.print(f"{each.name:28} {each.record()['title']}")
     elif asked.command == "prove":
         prove.all_of(asked.case, asked.model, console.print)
     elif asked.command == "run":

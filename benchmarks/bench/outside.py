@@ -120,13 +120,13 @@ VERDICTS = ("inside", "inaccurate, as it says", "without an answer", "wrong")
 
 def table(rows: list[Row], is_written: bool, tell: Tell) -> None:
     """Structures one by one, hard small problems counted; Markdown."""
-    head = ("problem", "contacts", "variables", "rows", "cones", "proved optimum", "ours, s",
-            "solver", "its answer", "its s")  # fmt: skip
+    head = ("problem", "contacts", "variables", "proved optimum", "ours, s", "solver", "its answer",
+            "its s")  # fmt: skip
     large = [row for row in rows if row["group"] != "hard"]
     cells = []
     for row in large:
         answer = row["status"] if row["objective"] is None else f"{row['objective']:.9g}"
-        sizes = (f"{int(row[name]):,}" for name in ("contacts", "variables", "rows", "cones"))
+        sizes = (f"{int(row[name]):,}" for name in ("contacts", "variables"))
         cells.append((row["problem"], *sizes, ends(row["optimum"]), row["seconds"], row["solver"],
                       f"{answer}, {verdict(row)}", f"{row['took']:.3g}"))  # fmt: skip
     small = []

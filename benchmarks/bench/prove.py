@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.bench.case import READINGS, RECORDS, STATES, Case, cases, make, write_record
+from benchmarks.bench.case import READINGS, STATES, Case, cases
 from cvxlimit import Certified, Scene, Solution, Status, ZeroDilatancy, __version__, solve
 from cvxlimit.model.formulations import vertex_forces
 from cvxlimit.solution.bracket import known
@@ -77,23 +77,21 @@ MODELS: dict[str, Callable[[Scene], Solution]] = {
 def all_of(pattern: str, models: str, tell: Callable[[str], object]) -> None:
     """One bracket at a time; a record is written after each."""
     for each in cases(pattern):
-        if not each.record_file.exists():
-            make(each)
-        for model in each.models:
-            if not fnmatchcase(model, models) or model in each.record()["brackets"]:
+        record = each.record()
+        for model in record["models"]:
+            if not fnmatchcase(model, models) or model in record["brackets"]:
                 continue
             found = proved(each, model)
-            record = each.record()
             brackets = {**record["brackets"], model: found}
-            record["brackets"] = {m: brackets[m] for m in each.models if m in brackets}
-            write_record(each, record)
+            record["brackets"] = {m: brackets[m] for m in record["models"] if m in brackets}
+            each.write(record)
             tell(f"{each.name:26} {model:16} {found['lower']} {found['upper']} {found['status']}"
                  f" {found['seconds']:.1f} s")  # fmt: skip
 
 
 def proved(each: Case, model: str) -> dict[str, Any]:
     """The bracket of one model, in the unit of the case's quantity."""
-    parameter = each.quantity.parameter
+    parameter = each.record()["quantity"]["parameter"]
     start = process_time()
     solutions = {role: MODELS[model](each.read(role)) for role in each.roles}
     seconds = round(process_time() - start, 2)
@@ -102,7 +100,7 @@ def proved(each: Case, model: str) -> dict[str, Any]:
         (solution,) = solutions.values()
         if model in READINGS:
             keep_state(each, model, solution)
-        return {**bounds(solution, each.quantity.factor), **about}
+        return {**bounds(solution, each.factor), **about}
     falls = solutions["falls"].status is Status.DEAD_LOAD_UNSTABLE
     stands = solutions["stands"].status is Status.CERTIFIED and solutions["stands"].lower > 0.0
     if falls and stands:
@@ -133,9 +131,3 @@ def keep_state(each: Case, model: str, solution: Solution) -> None:
     STATES.mkdir(exist_ok=True)
     np.savez_compressed(STATES / f"{each.name}.{model}.npz", load_factor=solution.load_factor,
                         forces=np.asarray(solution.forces))  # fmt: skip
-
-
-def stale() -> list[str]:
-    """Records of cases that are no more."""
-    names = {each.name for each in cases()}
-    return sorted(path.stem for path in RECORDS.glob("*.json") if path.stem not in names)

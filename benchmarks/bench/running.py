@@ -139,9 +139,9 @@ def verdict(row: Row, each: Case, role: str, bracket: Row | None, own_reach: flo
         return "inside"
     if factor is None:
         return "right" if row["answer"] == "stands" else "WRONG"
-    found = factor * each.quantity.factor
+    found = factor * each.factor
     upper = math.inf if bracket["upper"] is None else bracket["upper"]
-    reach = max(row.get("reach", 0.0) * each.quantity.factor, own_reach * abs(found))
+    reach = max(row.get("reach", 0.0) * each.factor, own_reach * abs(found))
     outside = max(bracket["lower"] - found, found - upper, 0.0) - reach
     off = outside / max(abs(bracket["lower"]), 1e-300)
     return "inside" if off <= CLOSE else f"{off:.0e} off"
@@ -177,28 +177,20 @@ GOOD = ("inside", "right", "-")
 
 
 def table(pattern: str, is_written: bool, is_full: bool, tell: Tell) -> None:
-    """Brackets and answers in Markdown: all scenes, or those where some program is off."""
-    names, lines = list(tools()), []
-    counts: dict[str, Counter[str]] = {name: Counter() for name in names}
+    """Sums, and the answers one by one in Markdown: all, or those that are off."""
+    counts: dict[str, Counter[str]] = {name: Counter() for name in tools()}
+    lines = []
     for each, role, record, answers in judged(pattern):
-        contacts = record["scenes"][role]["contacts"]
-        cells = [each.scene_name(role), f"{contacts:,}", shown(record, role)]
-        for name in names:
-            if name not in answers:
-                cells.append("")
-                continue
-            row, mark = answers[name]
+        about = each.scene_name(role), f"{record['scenes'][role]['contacts']:,}"
+        for name, (row, mark) in answers.items():
             counts[name][mark if mark in MARKS else "off"] += 1
-            took = "" if row["seconds"] is None else f", {row['seconds']:.2g} s"
-            word = "refused" if mark == "-" else f"{said(row)}, {mark}"
-            cells.append(word + took)
-        if is_full or any(mark not in GOOD for _, mark in answers.values()):
-            lines.append(cells)
+            if is_full or mark not in GOOD:
+                took = "" if row["seconds"] is None else f"{row['seconds']:.2g}"
+                word = "refused" if mark == "-" else mark
+                lines.append((*about, shown(record, role), name, said(row), word, took))
     sums = [[name, *(c[k] or "" for k in MARKS)] for name, c in counts.items()]
-    text = (
-        f"{table_of(['program', *MARKS.values()], sums)}\n\n"
-        f"{table_of(['scene', 'contacts', 'proved (conic)', *names], lines)}\n"
-    )
+    head = ["scene", "contacts", "proved (conic)", "program", "its answer", "verdict", "s"]
+    text = f"{table_of(['program', *MARKS.values()], sums)}\n\n{table_of(head, lines)}\n"
     tell(text)
     if is_written:
         into_page("table", text)

@@ -1,1 +1,0 @@
-"""Scripts that make the cases, by kind of structure."""
