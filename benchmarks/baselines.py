@@ -177,37 +177,6 @@ class Literal(Method):
 
 
 @dataclass(frozen=True)
-class LiteralPerContact(Literal):
-    """The linear program with a variable and constraints per contact, as one first writes it."""
-
-    name: str = "literal/octagon/kN-m/per-contact"
-    line: str = "literal, one object per contact"
-
-    def problem(self, data: Program) -> cp.Problem:
-        """The same rows, contact by contact; equilibrium block by block."""
-        contacts, alpha = data.contacts, cp.Variable()
-        x = [cp.Variable(6) for _ in range(len(contacts))]
-        rows = octagon_rows(contacts, torsion_arms(contacts))
-        rocks, slides = edges(contacts).toarray(), rows.toarray()
-        own = [slice(6 * j, 6 * j + 6) for j in range(len(contacts))]
-        constraints = [
-            np.vstack([rocks[4 * j : 4 * j + 4, at], slides[16 * j : 16 * j + 16, at]]) @ x[j] <= 0
-            for j, at in enumerate(own)
-        ]
-        columns = data.equilibrium.tocsc()
-        terms: list[list[cp.Expression]] = [[] for _ in range(len(data.dead) // 6)]
-        for j in range(len(contacts)):
-            block = columns[:, 6 * j : 6 * j + 6].tocsr()
-            for i in np.unique(block.nonzero()[0] // 6):
-                terms[i].append(block[6 * i : 6 * i + 6].toarray() @ x[j])
-        for i, forces in enumerate(terms):
-            rows_of_block = slice(6 * i, 6 * i + 6)
-            loads = data.dead[rows_of_block] + alpha * data.live[rows_of_block]
-            constraints.append(sum(forces) + loads == 0)
-        return cp.Problem(cp.Maximize(alpha), constraints)
-
-
-@dataclass(frozen=True)
 class ScipyLinprog(Literal):
     """The same matrices in SciPy's ``linprog`` (HiGHS), default settings."""
 
@@ -252,7 +221,6 @@ def baselines() -> dict[str, Method]:
         Literal(),
         Literal("literal/octagon/N-mm", "literal, octagon, N and mm", "N-mm"),
         *CONES,
-        LiteralPerContact(),
         ScipyLinprog(),
     ]
     return {method.name: method for method in methods}
