@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from cvxlimit import Tie, builtin_scene, settlement, solve
+from cvxlimit import Tie, builtin_scene, solve
 from cvxlimit.compare import Comparison, compare
 from cvxlimit.compare.chart import pareto_front
 from cvxlimit.compare.comparison import side_by_side
 from cvxlimit.compare.models import PHASES, WIDTH, Method, Model, Reference, Row
-from cvxlimit.compare.physics import Settlement
 from cvxlimit.compare.registry import (
     choose,
     interaction_registry,
@@ -453,19 +452,6 @@ class TestPhysics:
             field = rows[f"crushing/{times:g}/field"].load_factor
             assert 0.4 * (1 - 1 / 8) * (1 - 1e-6) - 0.4 / times < field < 0.4  # eight cells across
         assert rows["mortar"].load_factor > 0.401
-
-    @pytest.mark.exhaustive
-    def test_settlement_is_no_load_factor(self) -> None:
-        thrust = Settlement("thrust", support="right-abutment", direction=(1.0, 0.0, 0.0))
-        found = compare(builtin_scene("arch"), [thrust, "linear"], repeat=1, progress=False)
-        row, linear = found.rows
-        reaction = settlement(builtin_scene("arch"), "right-abutment", (1.0, 0.0, 0.0))
-        assert row.load_factor == pytest.approx(reaction.value, rel=1e-6)
-        assert row.error is None
-        assert row.reference == "no reference: no load factor"
-        assert linear.error < 1e-5  # type: ignore[operator]
-        with pytest.raises(ModelError, match="needs the id of the support"):
-            Settlement("thrust")
 
     def test_what_ties_are_worth(self) -> None:
         scene = replace(

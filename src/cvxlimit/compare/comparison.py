@@ -288,11 +288,10 @@ def side_by_side(
     A method that fails is not run again. ``advance`` is told after every run; ``run`` and ``refer``
     run methods and references elsewhere. Ctrl-C raises :class:`Interrupted`.
     """
-    measure, truths = run or run_here, dict[object, Row]()
-    for method in methods:
-        if question_of(method) not in truths:
-            truths[question_of(method)] = _truth(method, scene, refer or measure)
-            advance("reference")
+    measure, truths = run or run_here, dict[Reference, Row]()
+    for reference in dict.fromkeys(map(question_of, methods)):
+        truths[reference] = (refer or measure)(reference, scene)
+        advance("reference")
     results: list[list[Row]] = [[] for _ in methods]
 
     def rows() -> list[Row]:
@@ -313,15 +312,9 @@ def side_by_side(
     return rows()
 
 
-def question_of(method: Method) -> tuple[str, str, bool]:
-    """Methods with the same one have the same reference."""
-    return method.interaction, method.moments, method.is_load_factor
-
-
-def _truth(method: Method, scene: Scene, run: Runner) -> Row:
-    if not method.is_load_factor:
-        return Row(reason="no load factor")
-    return run(Reference(interaction=method.interaction, moments=method.moments), scene)
+def question_of(method: Method) -> Reference:
+    """What the method's errors are measured against."""
+    return Reference(interaction=method.interaction, moments=method.moments)
 
 
 def run_here(method: Method, scene: Scene) -> Row:

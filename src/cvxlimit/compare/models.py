@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 from cvxlimit.errors import ModelError
 from cvxlimit.methods import driver
@@ -109,14 +109,13 @@ class Method(ABC):
 
     ``name`` is unique, in lower case, parts separated by ``/``; ``line`` labels the chart's line
     that the method belongs to: the same solver at other tolerances, the same polygon with other
-    numbers of facets. What is no load factor has no reference to measure its error against.
+    numbers of facets.
     """
 
     name: str
     line: str
     interaction: str = "none"
     moments: str = "independent"
-    is_load_factor: ClassVar[bool] = True
 
     @abstractmethod
     def measure(self, scene: Scene) -> Row:

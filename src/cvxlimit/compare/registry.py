@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from functools import partial
@@ -11,10 +12,10 @@ from typing import Any
 import cvxpy as cp
 
 from cvxlimit.compare.models import Method, Model
-from cvxlimit.compare.physics import strengthened, untied
 from cvxlimit.errors import ModelError
 from cvxlimit.model.crushing import PlasticField
 from cvxlimit.model.formulations import corner_compressions, resultants, vertex_forces
+from cvxlimit.scene import Scene
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Facets, Rocking
 from cvxlimit.surfaces.coulomb import surfaces_of
@@ -106,8 +107,7 @@ def physics_registry() -> dict[str, Method]:
     """Other models of the same contacts, by name, and the paper's to compare them with.
 
     Each has a load factor of its own: errors are differences from the paper's cone. Strengths are
-    multiples of the mean pressure on supports; for a support that moves see
-    :class:`~cvxlimit.compare.physics.Settlement`.
+    multiples of the mean pressure on supports.
     """
     made = [
         Model("linear", "linear torsion-shear"),
@@ -117,20 +117,30 @@ def physics_registry() -> dict[str, Method]:
     ]
     field = PlasticField(corner_compressions)
     for times in (10.0, 100.0):
-        weak = partial(strengthened, compressive_strength=times)
+        weak = partial(_strengthened, compressive_strength=times)
         name = f"crushing/{times:g}"
         made += [
             Model(name, "effective rectangle", change=weak),
             Model(f"{name}/field", "plastic field", formulation=field, change=weak),
         ]
-    mortar = partial(strengthened, cohesion=0.2, tensile_strength=0.1)
+    mortar = partial(_strengthened, cohesion=0.2, tensile_strength=0.1)
     made += [
         Model("mortar", "mortar", change=mortar),
-        Model("without-ties", "without ties", change=untied),
+        Model("without-ties", "without ties", change=lambda scene: replace(scene, ties=())),
         Model("zero-dilatancy", "zero dilatancy", method="zero-dilatancy", tolerance=1e-4),
         Model("gilbert", "Gilbert's scheme", method="gilbert", tolerance=1e-3),
     ]
     return {model.name: model for model in made}
+
+
+def _strengthened(scene: Scene, **strengths: float) -> Scene:
+    """With cohesion and strengths as multiples of the mean pressure on the supports, so that one
+    model means the same on small and on large scenes."""
+    contacts = scene.contacts
+    fixed = {i for i, block in enumerate(scene.blocks) if block.id in scene.supports}
+    rests = [a in fixed or b in fixed for a, b in zip(contacts.a, contacts.b, strict=True)]
+    pressure = float(scene.total_weight / contacts.area[rests].sum())
+    return scene.with_joints(**{name: times * pressure for name, times in strengths.items()})
 
 
 def of_surface(name: str) -> Model | None:
