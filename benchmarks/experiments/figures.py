@@ -2,7 +2,7 @@
 
 A chosen figure is a number that somebody wrote into a constant of a module or into the default of
 a field of a class. For each of them that thirty small scenes read (ten built-in ones, ten random
-walls, ten with interaction), a round value and the value of its neighbour are tried: the scenes
+walls, ten with interaction, eleven more with brackets that stay open), a round value and the value of its neighbour are tried: the scenes
 that read it are solved again with the source changed in that place alone. A row says whether an end
 of any bracket moved by more than a tenth of the bracket's width, and whether the processor time of
 all these scenes changed by more than 5 %. Brackets narrower than the tolerance asked for count as
@@ -140,6 +140,22 @@ def scenes_of(kind: str) -> dict[str, tuple[Any, dict[str, Any]]]:
         )  # fmt: skip
         found: dict[str, Any] = {name: (builtin_scene(name), {}) for name in names}
         return found | {f"wall {seed}": (random_wall(seed), {}) for seed in range(10)}
+    if kind == "hard":  # brackets that stay open without branching, and some that need it
+        from cvxlimit import Certified
+
+        large = {seed: random_wall(seed, sizes=((3, 5), (4, 4))) for seed in (3, 8, 40, 41)}
+        climbs = [Certified(moments=m, branching_seconds=0.0) for m in ("independent", "paper")]
+        found = {
+            f"wall {seed}, {climb.moments}": (wall, {"method": climb})
+            for seed, wall in large.items()
+            for climb in climbs
+        }
+        closed = {"method": Certified(tolerance=2e-3, branching_seconds=60.0)}
+        sizes = ((2, 2), (2, 3), (3, 2))
+        return found | {
+            f"wall {seed}, closed": (random_wall(seed, sizes=sizes), closed)
+            for seed in (20, 21, 22)
+        }
     plain: dict[str, Any] = {}
     paper, tight = {"moments": "paper"}, {"tolerance": 1e-2}
     how = (plain, plain, plain, {"moments": "signed"}, paper, paper, tight, tight, tight, tight)

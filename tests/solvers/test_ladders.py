@@ -518,7 +518,7 @@ class TestOneSolver:
             ({"solver": "CLARABEL", "ladder": ["CLARABEL"]}, "solver and ladder .* leave one out"),
             ({"solver": ["CLARABEL", "SCS"]}, r"one solver, got .*: write ladder=\['CLARABEL', 'S"),
             ({"solver": 5}, "solver must be a name, got 5: write solver='CLARABEL'"),
-            ({"solver": int}, "a rung of the ladder must be"),
+            ({"solver": int}, "an entry of the ladder must be"),
             ({"solver": "HIGHS"}, "no solver asked for can solve this: HIGHS takes no second-"),
         ],
     )

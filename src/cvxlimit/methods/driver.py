@@ -196,7 +196,7 @@ class Run:
         if not state.outcome.refusal:
             self.solvers.add(settings.name)
             self.attempts.append((settings, state.outcome))
-        elif self.ladder and not (self.attempts or any(rung.row.has_cones for rung in self.ladder)):
+        elif self.ladder and not (self.attempts or any(s.row.has_cones for s in self.ladder)):
             raise ModelError(f"no solver asked for can solve this: {state.outcome.refusal}")
         return state
 

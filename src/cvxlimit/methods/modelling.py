@@ -21,7 +21,7 @@ from cvxlimit.proof.own_limits import OwnCertifier
 from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import Bracket, known
-from cvxlimit.solvers import LimitState, SolverSettings, rungs_of
+from cvxlimit.solvers import LimitState, SolverSettings, asked_ladder
 
 
 @dataclass(frozen=True)
@@ -131,13 +131,13 @@ def solved(
     problem: LimitProblem, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
 ) -> Solution:
     """See :meth:`~cvxlimit.model.problem.LimitProblem.solve`."""
-    rungs = rungs_of(solver, None)
+    ladder = asked_ladder(solver, None)
     if options:
-        rungs = tuple(
-            replace(rung, options={**rung.options, **options})
-            for rung in rungs or problem.ladder(tolerance)[:1]
+        ladder = tuple(
+            replace(settings, options={**settings.options, **options})
+            for settings in ladder or problem.ladder(tolerance)[:1]
         )
-    found = solved_at(problem, problem.at_present(), tolerance, rungs, verbose)
+    found = solved_at(problem, problem.at_present(), tolerance, ladder, verbose)
     found.__dict__["problem"] = problem
     return found
 

@@ -8,13 +8,7 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Method, Progress, Run, drive
-from cvxlimit.methods.table import (
-    TABLE,
-    MethodName,
-    check,
-    check_choice,
-    chosen,
-)
+from cvxlimit.methods.table import TABLE, MethodName, check, check_choice, chosen
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.readings.moments import INDEPENDENT, Moments
@@ -22,7 +16,7 @@ from cvxlimit.readings.named import MomentsName
 from cvxlimit.reductions.choice import MODELS, ModelName
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-from cvxlimit.solvers import SolverSettings, rungs_of
+from cvxlimit.solvers import SolverSettings, asked_ladder
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName
 
@@ -116,8 +110,8 @@ def solve(
     check_choice("model", model, MODELS)
     settings = {"tolerance": tolerance, "moments": moments}
     asked = chosen(surface, method, settings)
-    rungs = rungs_of(solver, ladder)
-    run = Run(scene, surface, INDEPENDENT, formulation, rungs, progress, model, verbose)
+    solvers = asked_ladder(solver, ladder)
+    run = Run(scene, surface, INDEPENDENT, formulation, solvers, progress, model, verbose)
     if asked.name in TABLE:  # a loop of one's own takes all
         if model == "least" and not TABLE[asked.name].reduces:
             raise ModelError(f"model 'least' does nothing for method {asked.name!r}: leave it out")

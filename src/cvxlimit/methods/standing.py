@@ -21,7 +21,7 @@ from cvxlimit.solution import Iterate, LowerEnd
 from cvxlimit.solution.bracket import Bracket, rounded
 from cvxlimit.surfaces.base import YieldSurface, times
 
-_RUNGS = 2
+_MOST_SOLVERS = 2
 """Of the ladder: forces inside, and a mechanism that is exact enough, are all that is asked for."""
 
 
@@ -76,7 +76,7 @@ def held(
             goal=largest_share,
         )  # fmt: skip
     near = Held(None, 0.0, 0.0)
-    for settings in (run.ladder or problem.ladder())[:_RUNGS]:
+    for settings in (run.ladder or problem.ladder())[:_MOST_SOLVERS]:
         state = run.solve(problem.run, settings)
         label = f"{settings}, dead load with a part of the live load"
         run.note(replace(state, load_factor=None), label)

@@ -8,6 +8,7 @@ may stand on a ladder itself, or in such a row.
 from cvxlimit.solvers.ladders import (
     Ladder,
     Shape,
+    asked_ladder,
     clarabel_at,
     default_ladder,
     iterate_ladder,
@@ -15,7 +16,6 @@ from cvxlimit.solvers.ladders import (
     leading_ladder,
     limit_ladder,
     node_ladder,
-    rungs_of,
     tight_ladder,
     warm_ladder,
 )
@@ -40,6 +40,7 @@ __all__ = [
     "Shape",
     "Solver",
     "SolverSettings",
+    "asked_ladder",
     "check_installed",
     "clarabel_at",
     "default_ladder",
@@ -50,7 +51,6 @@ __all__ = [
     "limit_ladder",
     "node_ladder",
     "run",
-    "rungs_of",
     "settings_for",
     "tight_ladder",
     "versions",

@@ -67,9 +67,9 @@ def blockwise_from(kind: str) -> int:
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
-    """Rungs in order: Clarabel as a rule, then in units of its own answer, which is what weights
+    """Solvers in order: Clarabel as a rule, then in units of its own answer, which is what weights
     far apart need, then tighter, then every other installed solver that takes the problem."""
-    rungs = [
+    ladder = [
         settings_for("CLARABEL"),
         settings_for("RESCALED", None, "CLARABEL rescaled"),
         settings_for("RESCALED", None, "BLOCKWISE rescaled", first="BLOCKWISE"),
@@ -82,12 +82,12 @@ def default_ladder(is_conic: bool = True) -> Ladder:
         ),
     ]  # fmt: skip
     others = [row for row in SOLVERS.values() if row.is_tried and row.name in installed()]
-    rungs += [settings_for(row.name) for row in others if row.has_cones or not is_conic]
-    return tuple(rungs)
+    ladder += [settings_for(row.name) for row in others if row.has_cones or not is_conic]
+    return tuple(ladder)
 
 
 def ladder_of(
-    rungs: Sequence[str | SolverSettings | type[ConicSolver]] | str | SolverSettings,
+    solvers: Sequence[str | SolverSettings | type[ConicSolver]] | str | SolverSettings,
 ) -> Ladder:
     """A ladder of one's own: names of installed solvers, settings, or interfaces of one's own.
 
@@ -96,28 +96,28 @@ def ladder_of(
     ModelError
         For a solver that CVXPY does not find, or an entry that is no solver.
     """
-    given = [rungs] if isinstance(rungs, (str, SolverSettings)) else rungs
+    given = [solvers] if isinstance(solvers, (str, SolverSettings)) else solvers
     if not isinstance(given, Sequence) or not given:
-        raise ModelError(f"ladder must be a list of solvers, got {rungs!r}: write ['CLARABEL']")
+        raise ModelError(f"ladder must be a list of solvers, got {solvers!r}: write ['CLARABEL']")
     ladder: list[SolverSettings] = []
-    for rung in given:
-        if isinstance(rung, str):
-            check_installed(settings := settings_for(rung.upper()))
+    for entry in given:
+        if isinstance(entry, str):
+            check_installed(settings := settings_for(entry.upper()))
             ladder.append(settings)
-        elif isinstance(rung, type) and issubclass(rung, ConicSolver):
-            name = str(rung().name())
-            is_known = type(SOLVER_MAP_CONIC.get(name)) is rung
-            ladder.append(settings_for(name) if is_known else SolverSettings(name, plug_in=rung))
-        elif isinstance(rung, SolverSettings):
-            ladder.append(rung)
+        elif isinstance(entry, type) and issubclass(entry, ConicSolver):
+            name = str(entry().name())
+            is_known = type(SOLVER_MAP_CONIC.get(name)) is entry
+            ladder.append(settings_for(name) if is_known else SolverSettings(name, plug_in=entry))
+        elif isinstance(entry, SolverSettings):
+            ladder.append(entry)
         else:
             raise ModelError(
-                f"a rung of the ladder must be a solver's name or SolverSettings, got {rung!r}"
+                f"an entry of the ladder must be a solver's name or SolverSettings, got {entry!r}"
             )
     return tuple(ladder)
 
 
-def rungs_of(solver: Any, ladder: Any) -> Ladder | None:
+def asked_ladder(solver: Any, ladder: Any) -> Ladder | None:
     """The ladder that a call means by ``solver``, one, or by ``ladder``, several; None by neither.
 
     Raises
@@ -125,7 +125,7 @@ def rungs_of(solver: Any, ladder: Any) -> Ladder | None:
     ModelError
         If both are given, or several solvers as one.
 
-    >>> [str(rung) for rung in rungs_of("clarabel", None)]
+    >>> [str(entry) for entry in asked_ladder("clarabel", None)]
     ['CLARABEL']
     """
     if solver is None:

@@ -28,7 +28,7 @@ from cvxlimit.reductions.choice import MODELS
 from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
-from cvxlimit.solvers import ladder_of, rungs_of
+from cvxlimit.solvers import asked_ladder, ladder_of
 from cvxlimit.solvers.threads import one_thread
 from cvxlimit.studies.identity import digest, row_identity, surface_forms
 from cvxlimit.studies.patched import PatchedProblem, strengths_of
@@ -268,9 +268,9 @@ def _answer(known: Structures, scene: Scene, options: Row) -> Solution:
     given, solution = known.mechanics(scene), None
     problem = known.problem(given, options) if isinstance(given, Assemblage) else None
     if problem is not None and isinstance(given, Assemblage):
-        rungs = rungs_of(options.get("solver"), options.get("ladder"))
+        ladder = asked_ladder(options.get("solver"), options.get("ladder"))
         tolerance = options.get("tolerance") or TOLERANCE
-        solution = problem.solve(given, tolerance=tolerance, ladder=rungs)
+        solution = problem.solve(given, tolerance=tolerance, ladder=ladder)
     if solution is None:
         solution = solve(given, **options)
     if solution.status is Status.INTERRUPTED:

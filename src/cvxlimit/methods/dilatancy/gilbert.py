@@ -90,9 +90,9 @@ class Gilbert(Method):
             return Status.DEAD_LOAD_UNSTABLE
         pressed: FloatArray | None = None
         for number in range(self.max_iterations + 1):
-            state, rung = run.try_solvers(problem.run, run.ladder or ladder(_TOLERANCE))
+            state, settings = run.try_solvers(problem.run, run.ladder or ladder(_TOLERANCE))
             change = run.change(state)
-            run.note(state, rung, change=change)
+            run.note(state, settings, change=change)
             if state.forces is None or state.load_factor is None:
                 claims = state.outcome.claims_no_optimum
                 return Status.NOT_CONVERGED if claims else Status.SOLVER_FAILED

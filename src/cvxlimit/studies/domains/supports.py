@@ -38,8 +38,8 @@ from cvxlimit.surfaces.coulomb import needed_surfaces
 _EPSILON = 8.0 * float(np.finfo(float).eps)
 """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
-_RUNGS = 3
-"""Rungs of the ladder that one question may take."""
+_MOST_SOLVERS = 3
+"""Solvers of the ladder that one question may take."""
 
 WIDEST = 1e6
 """Load factors, over their natural size, beyond which no loads are meant to be."""
@@ -183,7 +183,7 @@ class Structure:
         reach, problem = self._problem(dead)
         reach.weights.value, reach.window.value = direction, window
         ladder = self.run.ladder or problem.ladder(self.tolerance)
-        for settings in ladder[:_RUNGS]:
+        for settings in ladder[:_MOST_SOLVERS]:
             state = self.run.solve(problem.run, settings)
             self.run.note(replace(state, load_factor=None), settings)
             given = self.certifier.given(state)

@@ -88,9 +88,9 @@ class UpperBound:
 
     def rounds(self, tolerance: float, ladder: Sequence[SolverSettings]) -> Iterator[None]:
         """The search, which stops before every solve with further disjuncts."""
-        for rung in ladder:
+        for settings in ladder:
             for _ in range(BRACKET.most_rounds):
-                is_changed = self._improve(rung, tolerance)
+                is_changed = self._improve(settings, tolerance)
                 factor = None if self.state is None else self.state.load_factor
                 upper = self.run.best.bracket.upper
                 if factor is not None and upper - factor <= tolerance * self._unit:
@@ -110,7 +110,7 @@ class UpperBound:
     def _improve(self, settings: SolverSettings, tolerance: float) -> bool:
         run, pieces = self.run, self.pieces
         start = self.state.halfway if isinstance(self.state, HullState) else None
-        state = run.solve(lambda rung: self.problem.solve(pieces, rung, start=start), settings)
+        state = run.solve(lambda s: self.problem.solve(pieces, s, start=start), settings)
         self.claims_no_optimum = state.outcome.claims_no_optimum
         if state.mechanism is None:
             run.note(state, settings, **run.bounds)
