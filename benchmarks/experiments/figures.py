@@ -2,13 +2,14 @@
 
 A chosen figure is a number that somebody wrote into a constant of a module or into the default of
 a field of a class. For each of them that thirty small scenes read (ten built-in ones, ten random
-walls, ten with interaction, eleven more with brackets that stay open), a round value and the value of its neighbour are tried: the scenes
-that read it are solved again with the source changed in that place alone. A row says whether an end
-of any bracket moved by more than a tenth of the bracket's width, and whether the processor time of
-all these scenes changed by more than 5 %. Brackets narrower than the tolerance asked for count as
-that wide: nobody asked for more. Scenes are solved in processes of their own, which import the
-package anew; times are those of the least of several runs beside runs with the figure as it
-is, and a time that seems to have changed is measured again before it counts.
+walls, ten with interaction, eleven more with brackets that stay open), a round value and the value
+of its neighbour are tried: the scenes that read it are solved again with the source changed in that
+place alone. A row says whether an end of any bracket moved by more than a tenth of the bracket's
+width, and whether the processor time of all these scenes changed by more than 5 %. Brackets
+narrower than the tolerance asked for count as that wide: nobody asked for more. Scenes are solved
+in processes of their own, which import the package anew; times are those of the least of several
+runs beside runs with the figure as it is, and a time that seems to have changed is measured again
+before it counts.
 
 A figure that moves nothing is one that may go, or become its neighbour. One that no scene reads
 belongs to something else (domains, pictures, solvers of others), and is not listed.

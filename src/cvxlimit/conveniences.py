@@ -2,72 +2,47 @@
 
 ``scene.plot()`` reads better than a function of its own, but pictures see scenes, not they them:
 nothing in scenes, solutions and models depends on what is here. Such a method says what it does,
-and calls the function of that name by :func:`cvxlimit.base.attached.attached`; the function
-imports what it needs when it is called, since pictures need a second to load.
+and calls by :func:`cvxlimit.base.attached.attached` what :data:`PLACES` names, or a function here.
+Either imports what it needs when it is called, since pictures need a second to load.
 """
 
 from __future__ import annotations
 
 import os
 from contextlib import suppress
+from importlib import import_module
 from typing import Any
 
 from cvxlimit.errors import InputError
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.paths.path import Path
-from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
-
-def scene_html(scene: Scene) -> str:
-    """What a notebook shows of a scene."""
-    from cvxlimit.plotting.notebook import scene_html
-
-    return scene_html(scene)
-
-
-def scene_plot(
-    scene: Scene,
-    path: str | os.PathLike[str] | None,
-    viewer: tuple[float, float, float] | None,
-    options: dict[str, Any],
-) -> Any:
-    """:meth:`cvxlimit.Scene.plot`."""
-    from cvxlimit.plotting import plot_scene, scene_figure
-
-    if viewer is not None:
-        options["viewer"] = viewer
-    return scene_figure(scene, **options) if path is None else plot_scene(scene, path, **options)
-
-
-def scene_explain(scene: Scene, surface: Any, options: dict[str, Any]) -> Any:
-    """:meth:`cvxlimit.Scene.explain`."""
-    from cvxlimit.reductions.choice import explain
-
-    return explain(scene, surface, **options)
+PLACES = {
+    "scene_html": ("plotting.notebook", "scene_html"),
+    "scene_figure": ("plotting", "scene_figure"),
+    "scene_file": ("plotting", "plot_scene"),
+    "scene_explain": ("reductions.choice", "explain"),
+    "scene_explore": ("studies.domains.exploring", "explore"),
+    "solution_html": ("plotting.notebook", "solution_html"),
+    "solution_plot": ("plotting", "picture_of"),
+    "solution_table": ("plotting.frames", "table_of"),
+    "solution_sensitivity": ("readings.sensitivity", "sensitivity"),
+    "solution_first_look": ("methods.dilatancy.first_look", "first_look"),
+    "sensitivity_table": ("plotting.frames", "sensitivity_table"),
+    "problem_solve": ("methods.modelling", "solved"),
+    "path_table": ("plotting.frames", "path_table"),
+    "path_save": ("io", "write_path"),
+    "path_plot": ("plotting.paths", "draw_path"),
+    "check_plot": ("plotting.paths", "draw_check"),
+}
+"""Module and function that does the work, by the name under which it is attached."""
 
 
-def scene_explore(scene: Scene, options: dict[str, Any]) -> Any:
-    """:meth:`cvxlimit.Scene.explore`."""
-    from cvxlimit.studies.domains.exploring import explore
-
-    return explore(scene, **options)
-
-
-def solution_html(solution: Solution) -> str:
-    """What a notebook shows of a solution."""
-    from cvxlimit.plotting.notebook import solution_html
-
-    return solution_html(solution)
-
-
-def solution_plot(
-    solution: Solution, kind: str, path: str | os.PathLike[str] | None, options: dict[str, Any]
-) -> Any:
-    """:meth:`cvxlimit.Solution.plot`."""
-    from cvxlimit.plotting import picture_of
-
-    return picture_of(solution, kind, path, **options)
+def __getattr__(name: str) -> Any:
+    if name not in PLACES:
+        raise AttributeError(f"module 'cvxlimit.conveniences' has no attribute {name!r}")
+    module, function = PLACES[name]
+    return getattr(import_module(f"cvxlimit.{module}"), function)
 
 
 def solution_report(solution: Solution, file: str | os.PathLike[str] | None, given: Any) -> Any:
@@ -80,34 +55,6 @@ def solution_report(solution: Solution, file: str | os.PathLike[str] | None, giv
             given = given | {"sensitivity": derive()}
     made = report(solution, scene_digest(solution.scene), **given)
     return made if file is None else made.save(file)
-
-
-def solution_table(solution: Solution, what: str) -> Any:
-    """:meth:`cvxlimit.Solution.to_dataframe`."""
-    from cvxlimit.plotting.frames import table_of
-
-    return table_of(solution, what)
-
-
-def path_table(path: Path) -> Any:
-    """:meth:`cvxlimit.Path.to_dataframe`."""
-    from cvxlimit.plotting.frames import path_table
-
-    return path_table(path)
-
-
-def solution_sensitivity(solution: Solution) -> Any:
-    """:meth:`cvxlimit.Solution.sensitivity`."""
-    from cvxlimit.readings.sensitivity import sensitivity
-
-    return sensitivity(solution)
-
-
-def sensitivity_table(found: Any, what: str) -> Any:
-    """:meth:`cvxlimit.readings.sensitivity.Sensitivity.to_dataframe`."""
-    from cvxlimit.plotting.frames import sensitivity_table
-
-    return sensitivity_table(found, what)
 
 
 def sensitivity_sides(found: Any, change: Any, step: float) -> tuple[float, float]:
@@ -129,42 +76,3 @@ def solution_problem(solution: Solution) -> LimitProblem:
     found = LimitProblem(solution.scene, solution.surfaces or solution.surface)
     found.surface = solution.surface
     return found
-
-
-def solution_first_look(solution: Solution, progress: Any) -> Solution:
-    """:meth:`cvxlimit.Solution.first_look`."""
-    from cvxlimit.methods.dilatancy.first_look import first_look
-
-    return first_look(solution, progress)
-
-
-def problem_solve(
-    problem: LimitProblem, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
-) -> Solution:
-    """:meth:`cvxlimit.LimitProblem.solve`."""
-    from cvxlimit.methods.modelling import solved
-
-    return solved(problem, solver, tolerance, verbose, options)
-
-
-def check_plot(check: Any, path: str | os.PathLike[str] | None, options: dict[str, Any]) -> Any:
-    """:meth:`cvxlimit.CodeCheck.plot`."""
-    from cvxlimit.plotting.paths import draw_check
-
-    return draw_check(check, path, options)
-
-
-def path_save(path: Path, file: str | os.PathLike[str]) -> None:
-    """:meth:`cvxlimit.Path.save`."""
-    from cvxlimit.io import write_path
-
-    write_path(path, file)
-
-
-def path_plot(
-    path: Path, kind: str, file: str | os.PathLike[str] | None, options: dict[str, Any]
-) -> Any:
-    """:meth:`cvxlimit.Path.plot`."""
-    from cvxlimit.plotting.paths import draw_path
-
-    return draw_path(path, kind, file, options)

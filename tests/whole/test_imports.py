@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from cvxlimit import conveniences
+from cvxlimit.conveniences import PLACES
+
 SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 
 LAYERS = (
@@ -157,7 +160,8 @@ def loaded_by_name() -> dict[str, set[str]]:
 
 
 def test_what_is_imported_by_name_hides_no_arrow() -> None:
-    """Besides libraries of others, and each room's own modules, there is one such place."""
+    """Besides libraries of others, and each room's own modules, there is one such place: methods
+    ask for conveniences, which are above all that they call."""
     upward = {
         (name, what)
         for name, found in loaded_by_name().items()
@@ -165,7 +169,13 @@ def test_what_is_imported_by_name_hides_no_arrow() -> None:
         if what.startswith(("'cvxlimit.", "f'cvxlimit."))
         and not what.removeprefix("f").startswith(f"'cvxlimit.{name.split('.')[0]}.")
     }
-    assert upward == {("base.attached", "'cvxlimit.conveniences'")}
+    assert upward == {
+        ("base.attached", "'cvxlimit.conveniences'"),
+        ("conveniences", "f'cvxlimit.{module}'"),
+    }
+    places = {module for module, _ in PLACES.values()}
+    assert places <= {name.removesuffix(".__init__") for name in NAMES}
+    assert all(callable(getattr(conveniences, name)) for name in PLACES)
 
 
 def test_the_map_is_complete() -> None:

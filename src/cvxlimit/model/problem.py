@@ -283,7 +283,7 @@ class LimitProblem(Changeable):
         """One run of one solver, the ladder's first, by the rows, or by CVXPY where it wants more
         than matrices; never raises for what the solver does.
 
-        Unless ``has_rows`` says which, Clarabel's last settings see the rows in CVXPY's order: where
+        Unless ``has_rows`` says which, Clarabel's last tries see the rows in CVXPY's order: where
         rounding decides.
         """
         settings = settings or self.ladder()[0]

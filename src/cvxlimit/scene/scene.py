@@ -279,14 +279,14 @@ class Scene(RemadeFromFields, SceneJoints):
 
         Parameters, result and errors are those of :func:`cvxlimit.reductions.choice.explain`.
         """
-        return attached("scene_explain")(self, surface, options)
+        return attached("scene_explain")(self, surface, **options)
 
     def explore(self, **options: Any) -> Any:
         """A load point to drag over the load domain, sliders, and the mechanism, in a notebook.
 
         Parameters and errors are those of :func:`cvxlimit.studies.explore`.
         """
-        return attached("scene_explore")(self, options)
+        return attached("scene_explore")(self, **options)
 
     def in_units(self, units: Units, length: float, force: float) -> Scene:
         """The scene in other units: lengths times ``length``, forces times ``force``.
@@ -326,7 +326,10 @@ class Scene(RemadeFromFields, SceneJoints):
         ``title`` and ``legend`` are those of :func:`cvxlimit.plotting.scene_figure`. A scene whose
         geometry is refused is drawn too.
         """
-        return attached("scene_plot")(self, path, viewer, options)
+        options |= {} if viewer is None else {"viewer": viewer}
+        if path is None:
+            return attached("scene_figure")(self, **options)
+        return attached("scene_file")(self, path, **options)
 
     def _copy(self, **changes: object) -> Scene:
         """A copy with changes that leave all shapes as they are; settlement frees a support."""

@@ -426,7 +426,7 @@ class Solution:
         ModelError
             If Matplotlib is not installed.
         """
-        return attached("solution_plot")(self, kind, path, options)
+        return attached("solution_plot")(self, kind, path, **options)
 
     def report(
         self,
