@@ -59,8 +59,9 @@ def arch(
     Notes
     -----
     With friction high enough to prevent sliding, a semicircular arch stands under its own weight
-    down to a ratio of 0.107456 with 100 voussoirs (0.107432 with 40); the continuous arch has
-    0.107426 (Cocchetti & Rizzi 2020).
+    down to a ratio of 0.107456 with 100 voussoirs (0.107432 with 40), whose weights act at their
+    centroids; for the continuous arch that is 0.1075 (Milankovitch 1907), and 0.107426 where the
+    weight acts on the centre line (Cocchetti & Rizzi 2020).
 
     Example
     -------
