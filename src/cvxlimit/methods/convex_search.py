@@ -61,23 +61,29 @@ _Ends = Generator[None, None, Status | None]
 
 
 def dead_load_falls(run: Run) -> bool:
-    """True if the dead load cannot stand: the run then has the mechanism, and says so. A positive
-    load factor would not show it: pushed, a block may stay on a slope that is too steep.
+    """True if the dead load cannot stand; see :func:`standing`."""
+    return standing(run, "full") is None
+
+
+def standing(run: Run, model: str) -> ConvexSearch | None:
+    """What asks for the load factor with so much ``model``, in a run aside, if the dead load
+    stands. If it does not, the run has the mechanism, and says so. A positive load factor would
+    not show it: pushed, a block may stay on a slope that is too steep.
 
     Raises
     ------
     ModelError
         If it stands together with a part of the live load: the answer is an interval then.
     """
-    search = ConvexSearch(run.auxiliary_run(), "full")
+    search = ConvexSearch(run.auxiliary_run(), model)
     if not search.dead_load_falls():
-        return False
+        return search
     found = search.held()
     refuse_an_interval(found.factor)
     run.best, run.remarks = search.run.best, search.run.remarks
     if found.remark:
         run.remarks.append(found.remark)
-    return True
+    return None
 
 
 def fallen(scene: Scene, rates: FloatArray) -> str:

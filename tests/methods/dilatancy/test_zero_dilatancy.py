@@ -160,6 +160,9 @@ class TestSmall:
             )
             spread = [member.load_factor for member in solution.members]
             np.testing.assert_allclose(spread, expected, rtol=1e-5)
+            first = solution.members[0]
+            assert all(type(x) is float for x in vars(first).values() if np.ndim(x) == 0
+                       and not isinstance(x, (str, int)))  # as people read them  # fmt: skip
 
     def test_wedged_block_slides_at_less_than_the_associated_factor(self) -> None:
         """A block under a fixed lintel that just touches: to slide it must dilate, and cannot, if

@@ -18,7 +18,7 @@ from cvxlimit.base.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex_search import dead_load_falls
+from cvxlimit.methods.convex_search import standing
 from cvxlimit.methods.dilatancy.pair import Reduced, ladder
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.solution import Status
@@ -80,14 +80,15 @@ class Gilbert(Method):
 
     def steps(self, run: Run) -> Steps:
         contacts, unit = run.contacts, run.scaling.force / len(run.scene.free)
+        search = standing(run, run.model)
+        if search is None:
+            return Status.DEAD_LOAD_UNSTABLE
         with run.clock.phase("compile"):
-            reduced = Reduced(run)
+            reduced = Reduced(run, search)
             held = cp.Parameter(len(reduced.kept))
             problem, scheme = reduced.problem(), reduced.held(held, self.eta)
             mu = np.where(contacts.friction > 0.0, contacts.friction, np.inf)
             fictitious = self.cohesion * unit / mu  # as compressions: friction makes forces of them
-        if dead_load_falls(run):
-            return Status.DEAD_LOAD_UNSTABLE
         pressed: FloatArray | None = None
         for number in range(self.max_iterations + 1):
             state, settings = run.try_solvers(problem.run, run.ladder or ladder(_TOLERANCE))

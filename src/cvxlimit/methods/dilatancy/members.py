@@ -24,12 +24,17 @@ class Verifier:
     lack adds up to the loss of :mod:`~cvxlimit.methods.dilatancy.pair`.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(
+        self, run: Run, certifier: Certifier | None = None, slip: Slip | None = None
+    ) -> None:
         self.statics, self.contacts = run.assemblage.statics, run.assemblage.contacts
         self.least = run.scaling.least
-        self.certifier = Certifier(run.assemblage, run.surfaces)
+        surfaces = needed_surfaces(run.surfaces)
+        self.certifier = certifier or Certifier(run.assemblage, surfaces)
         self.strength = self.certifier.strength
-        self.slip = Slip(needed_surfaces(run.surfaces), self.strength.model)
+        if slip is None or self.strength.is_internal:  # that of resultants does not know cells
+            slip = Slip(surfaces, self.strength.model)
+        self.slip = slip
 
     def member(self, state: LimitState, start: str, iterations: int) -> Member | None:
         """A solver's forces and mechanism, balanced and scaled to live power 1, with all their
@@ -49,6 +54,7 @@ class Verifier:
         lost = float(np.abs((forces * rates).sum(axis=1) + taken).sum())
         openings = corner_openings(rates, self.contacts)
         penetrates = float(np.abs(found.unresisted).max(initial=found.missing.max()))
+        largest = float(max(np.abs(openings).max(), np.abs(rates[:, :2]).max()))
         equilibrium, excess = self.certifier.residuals(balanced, alpha)
         return Member(
             load_factor=alpha,
@@ -56,7 +62,7 @@ class Verifier:
             iterations=iterations,
             equilibrium=equilibrium,
             yield_excess=excess,
-            flow=max(penetrates, 0.0) / max(np.abs(openings).max(), np.abs(rates[:, :2]).max()),
+            flow=max(penetrates, 0.0) / largest,
             complementarity=lost / max(abs(alpha), self.least),
             forces=forces,
             mechanism=mechanism,

@@ -24,6 +24,7 @@ import scipy.sparse as sp
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.dilatancy.tresca import HeldFormulation, Slip, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions
@@ -47,7 +48,8 @@ class Priced:
 
 
 class Reduced:
-    """The smallest model of a run, for problems with friction held.
+    """The smallest model of a run, for problems with friction held; what a search for the load
+    factor knows already is not sought again.
 
     A mirror is left out unless a symmetric answer will do: without dilatancy a symmetric structure
     may fall on one side.
@@ -60,13 +62,19 @@ class Reduced:
         Compressions of all contacts that those of the kept ones stand for.
     """
 
-    def __init__(self, run: Run, is_symmetric: bool = False) -> None:
+    def __init__(
+        self, run: Run, search: ConvexSearch | None = None, is_symmetric: bool = False
+    ) -> None:
         self.surfaces = needed_surfaces(run.surfaces)
-        found = Reductions.of(run.assemblage, self.surfaces, model=run.model)
+        if search is None:
+            found = Reductions.of(run.assemblage, self.surfaces, model=run.model)
+        else:
+            found = search.reductions
         found = found if is_symmetric else replace(found, mirror=None)
         self.assemblage, state = found.assemblage, None
         if found.loaded is not None:
-            state = Certifier(found.assemblage, self.surfaces).witnesses.easy_dead_state
+            certifier = search.certifier if search else Certifier(found.assemblage, self.surfaces)
+            state = certifier.witnesses.easy_dead_state
         self.reduction = found.best(state)
         n, names = len(run.contacts), self.reduction.names
         is_kept = np.ones(n, dtype=bool)
@@ -98,16 +106,20 @@ class Pair:
     ----------
     solved : int
         How many problems were solved.
+    slip : Slip
+        The flow rule of resultants with friction held.
     has_cones : bool
         Whether friction, or anything else on the smallest model, is no linear limit.
     """
 
-    def __init__(self, run: Run, is_symmetric: bool = False) -> None:
+    def __init__(
+        self, run: Run, search: ConvexSearch | None = None, is_symmetric: bool = False
+    ) -> None:
         self.run, self.solved = run, 0
         with run.clock.phase("compile"):
-            reduced = Reduced(run, is_symmetric)
+            reduced = Reduced(run, search, is_symmetric)
             self._kept, self._lift = reduced.kept, reduced.lift
-            self._slip = Slip(reduced.surfaces, run.assemblage.contacts)
+            self.slip = Slip(reduced.surfaces, run.assemblage.contacts)
             self._price, self._pressed = (cp.Parameter(len(self._kept)) for _ in range(2))
             self._priced = reduced.problem(Priced(self._price))
             self._held = reduced.held(self._pressed)
@@ -136,7 +148,7 @@ class Pair:
         """The price (n,) of a mechanism: the opening that dilatancy would add at live power 1."""
         statics = self.run.assemblage.statics
         unit = mechanism / float(statics.live @ mechanism.ravel())
-        return self._slip.dilatancy(self._slip.of(statics.relative_rates(unit)))
+        return self.slip.dilatancy(self.slip.of(statics.relative_rates(unit)))
 
 
 def ladder(tolerance: float) -> Sequence[SolverSettings]:

@@ -16,7 +16,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex_search import ConvexSearch, dead_load_falls
+from cvxlimit.methods.convex_search import ConvexSearch, standing
 from cvxlimit.methods.dilatancy.least_thrust import PATIENCE, is_covered, lower_bound
 from cvxlimit.methods.dilatancy.lifted import Lifted, LiftedBound, lifted_bound
 from cvxlimit.methods.dilatancy.members import Verifier
@@ -33,11 +33,13 @@ class _Numbers:
     """Only what is found, and how fast, depends on them: members are checked."""
 
     # iterates with the price problem's own mechanism before the first pair, and how new prices
-    # weigh in them: where friction is a cone, and where it is linear. Then there are finitely many
-    # mechanisms, among which pairs end in a few steps and iterates swing to and fro; a weight of
-    # 0.8 swings on for three times as long in a large wall
-    cones: tuple[int, float] = (12, 0.8)
-    linear: tuple[int, float] = (2, 0.5)
+    # weigh in them, in turn. Where friction is a cone, some errors keep their sign from one iterate
+    # to the next, others change it: weights about 1, as Chebyshev's for eigenvalues from -1 to 0.6,
+    # take a third of the problems off that 0.8 alone needs on large walls. Where it is linear there
+    # are finitely many mechanisms, among which pairs end in a few steps and iterates swing to and
+    # fro; a weight of 0.8 swings on for three times as long in a large wall
+    cones: tuple[int, tuple[float, ...]] = (12, (0.6, 0.9, 1.6))
+    linear: tuple[int, tuple[float, ...]] = (2, (0.5,))
     own: int = 12  # where pairs stall: as many as between cones at first
     rough: float = 1e-4  # tolerance of iterates: they need not be exact, the next one corrects them
     stalls: float = 0.7  # share of the loss that a pair leaves where pairs do not pay any more:
@@ -85,7 +87,7 @@ class ZeroDilatancy(Method):
         The first is the associated solution, the others have random penalties.
     damping : float or None
         Weight of the new penalty against the old one, in iterates with their own mechanism; None
-        takes 0.8 where friction is a cone, and 0.5 where it is linear.
+        takes 0.6, 0.9 and 1.6 in turn where friction is a cone, and 0.5 where it is linear.
     max_iterations : int
         Problems per start.
     seed : int
@@ -125,9 +127,10 @@ class ZeroDilatancy(Method):
         count(self.descents, 0, "descents")
 
     def steps(self, run: Run) -> Steps:
-        if dead_load_falls(run):
+        search = standing(run, run.model)
+        if search is None:
             return Status.DEAD_LOAD_UNSTABLE
-        return (yield from _Search(self, run).steps())
+        return (yield from _Search(self, run, search).steps())
 
     def basis(self, run: Run) -> str:
         """What the bounds rest on; that by products says so where it is named."""
@@ -143,17 +146,17 @@ Found = tuple[Member, LimitState]
 class _Search:
     """Starts under way, and the solutions found."""
 
-    def __init__(self, rule: ZeroDilatancy, run: Run) -> None:
-        self.rule, self.run = rule, run
+    def __init__(self, rule: ZeroDilatancy, run: Run, associated: ConvexSearch) -> None:
+        self.rule, self.run, self.associated = rule, run, associated
         self.found: list[Found] = []
         self.typical: FloatArray | None = None
         self.failed = self.tried = 0
         self.products: LiftedBound | None = None
-        self.pair = Pair(run)
+        self.pair = Pair(run, associated)
         self.first, damping = _N.cones if self.pair.has_cones else _N.linear
-        self.damping = rule.damping or damping
+        self.damping = damping if rule.damping is None else (rule.damping,)
         with run.clock.phase("certify"):
-            self.verifier = Verifier(run)
+            self.verifier = Verifier(run, associated.certifier, self.pair.slip)
         self.random = np.random.default_rng(rule.seed)
 
     def steps(self) -> Steps:
@@ -177,8 +180,8 @@ class _Search:
 
     def _associated(self) -> Generator[None, None, FloatArray | None]:
         """The mechanism of the associated model, whose upper bound holds for all solutions."""
-        aside = self.run.auxiliary_run()
-        yield from ConvexSearch(aside, self.run.model).steps()
+        yield from self.associated.steps()
+        aside = self.associated.run
         self.run.history += [
             replace(iterate, solver=f"{iterate.solver}, associated friction", lower=None)
             for iterate in aside.history
@@ -235,11 +238,11 @@ class _Search:
         self, state: LimitState, price: FloatArray, number: int, tolerance: float
     ) -> Generator[None, None, LimitState | None]:
         """De Saxce's iterates: prices follow the price problem's own mechanism, damped."""
-        w = self.damping
-        for _ in range(number):
+        for k in range(number):
+            w = self.damping[k % len(self.damping)]
             if state.mechanism is None:
                 return None
-            price = (1.0 - w) * price + w * self._price(state.mechanism)
+            price = np.maximum((1.0 - w) * price + w * self._price(state.mechanism), 0.0)
             found = self._priced(price, tolerance)
             if found is None:
                 return None
