@@ -66,7 +66,7 @@ def test_what_is_read_is_what_was_written(path: Displacements, tmp_path: Path) -
     assert back.initial.scene is back.scene
     assert [b.id for b in back.scene.blocks] == [b.id for b in path.scene.blocks]
     assert back.pieces == ((0, 2), (2, 3))
-    for one, other in zip(path[2].scene.blocks, back[2].scene.blocks, strict=True):
+    for one, other in zip(path[2].scene().blocks, back[2].scene().blocks, strict=True):
         np.testing.assert_array_equal(one.vertices, other.vertices)
     write_path(back, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_text() == (tmp_path / "path.json").read_text()

@@ -212,7 +212,7 @@ def test_a_point_load_moves_with_its_block() -> None:
     push = Load(points=[PointForce("b1", (0.2, 0.2, 1.0), (8.0, 0.0, 0.0))])
     scene = single_block((0.4, 0.4, 1.0), density=50.0, friction=2.0, live=push)
     path = quick(scene, step=0.05, until=0.1)
-    moved = path[1].scene
+    moved = path[1].scene()
     (point,) = moved.live.points
     assert point.at[0] - 0.2 == pytest.approx(0.05, abs=1e-9)
     turn = path[1].displacements["b1"][4]
@@ -342,7 +342,7 @@ def overlap(one: Block, other: Block) -> float:
 def check(shown: Configuration, is_last: bool) -> None:
     """Equilibrium of the displaced blocks, complementarity, Coulomb's law; of the last one that no
     two blocks are in each other."""
-    scene, points, size = shown.scene, shown.points, shown.start.contacts.typical_size
+    scene, points, size = shown.scene(), shown.points, shown.start.contacts.typical_size
     weight = shown.start.total_weight
     force = np.einsum("kix,ki->kx", points.axes[:, [2, 0, 1]], shown.forces)
     for i in scene.free.tolist():

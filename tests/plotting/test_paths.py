@@ -69,7 +69,7 @@ def test_the_run_with_half_the_step_is_drawn_beside_the_path(path: Displacements
 def test_blocks_are_drawn_where_the_scene_of_a_configuration_has_them(path: Displacements) -> None:
     for each in path:
         moving = moved_by(path.scene, each.displacements)
-        for i, block in enumerate(each.scene.blocks):
+        for i, block in enumerate(each.scene().blocks):
             at = path.scene.blocks[i].vertices
             drawn = points_moved(path.scene, moving.rates, at, np.full(len(at), i))
             np.testing.assert_allclose(drawn, block.vertices, atol=1e-14)
@@ -97,7 +97,7 @@ def test_the_page_holds_the_ways_of_all_blocks(path: Displacements, tmp_path: Pa
     assert data["path"]["pieces"] == [[0, 3], [3, 5]]
     assert "not that the structure gets there" in data["advice"]
     low, high = np.array(data["bounds"]).reshape(2, 3)
-    corners = np.concatenate([b.vertices for b in path[4].scene.blocks if b.id != "ground"])
+    corners = np.concatenate([b.vertices for b in path[4].scene().blocks if b.id != "ground"])
     assert (low <= corners.min(axis=0)).all()
     assert (high >= corners.max(axis=0) - 1e-6).all()
 

@@ -122,7 +122,6 @@ class Configuration:
     residual: float = 0.0
     iterates: int = 0
 
-    @property
     def scene(self) -> Scene:
         """The scene with moved blocks, and point loads that moved with them."""
         return moved_scene(self.start, self.displacements)
