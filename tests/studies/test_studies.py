@@ -206,7 +206,7 @@ class TestTable:
                 {"frction": [1]},
                 {},
                 InputError,
-                r"no parameter 'frction' \(did you mean friction\?\); its parameters are friction,",
+                r"no parameter 'frction' \(did you mean 'friction'\?\); its parameters are",
             ),
             (plain, {"mu": [1]}, {}, InputError, "'plain' has no parameter 'mu'; .*are friction"),
             (plain, {"surface": ["conic"]}, {}, InputError, "missing a required argument: 'frict"),
@@ -484,7 +484,7 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            (["--vary", "frction=1"], "no parameter 'frction' (did you mean friction?)"),
+            (["--vary", "frction=1"], "no parameter 'frction' (did you mean 'friction'?)"),
             (["--vary", "friction=a,b"], "friction must be a number, got 'a'"),
             (["--vary", "ladder=MOSEC"], "there is no solver 'MOSEC'; did you mean MOSEK"),
             (["--vary", "surface=conic", "--surface", "octagon"], "--surface and --vary surface"),

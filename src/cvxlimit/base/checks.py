@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,21 @@ def members(value: Any, kind: type, what: str, cure: str = "") -> tuple[Any, ...
     if isinstance(value, kind):
         return (value,)
     return tuple(of_type(x, kind, what, cure) for x in of_type(value, Iterable, what, cure))
+
+
+def meant(
+    name: object, known: Iterable[str], otherwise: str = "", before: str = "", likeness: float = 0.6
+) -> str:
+    """Asks after that of the ``known`` names that is like ``name``, whatever the case of letters.
+
+    Example
+    -------
+    >>> "no octogon" + meant("octogon", ["conic", "octagon"], before="; ")
+    "no octogon; did you mean 'octagon'?"
+    """
+    alike = {each.lower(): each for each in sorted(known)}
+    close = get_close_matches(str(name).lower(), alike, 1, likeness)
+    return f"{before}did you mean {alike[close[0]]!r}?" if close else otherwise
 
 
 def first_twice(names: Iterable[str]) -> str | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from cvxlimit.base.checks import meant
 from cvxlimit.base.versions import __version__
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import (
@@ -52,7 +53,10 @@ def export_command(asked: Export) -> ExitCode:
     """Write the convex problem that the solver gets, with its proved optimum in a comment."""
     form = asked.format.lower()
     if form not in FORMATS:
-        raise InputError(f"--format must be one of {', '.join(FORMATS)}, got {asked.format!r}")
+        raise InputError(
+            f"--format must be one of {', '.join(FORMATS)}, got {asked.format!r}"
+            + meant(form, FORMATS, before="; ")
+        )
 
     def exported(tell: Tell) -> tuple[Scene, ConeProgram, Path]:
         scene = scene_named(asked.scene)

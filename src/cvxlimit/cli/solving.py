@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -17,6 +16,7 @@ from typing import Any
 import typer
 from rich.text import Text
 
+from cvxlimit.base.checks import meant
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import (
     EFFORT,
@@ -87,8 +87,7 @@ def scene_named(name: str) -> Scene:
         if Path(name).suffix.lower() in {*READERS} - {".json"} and os.path.isfile(name):
             raise InputError(f"{name}: this is geometry: cvxlimit import makes a scene of it")
         return read_scene(name)
-    close = difflib.get_close_matches(name, BUILTIN, n=1)
-    cure = f"did you mean {close[0]!r}?" if close else "cvxlimit scenes lists the built-in ones"
+    cure = meant(name, BUILTIN, "cvxlimit scenes lists the built-in ones")
     raise InputError(f"there is no built-in scene and no file {name!r}; {cure}")
 
 
@@ -132,8 +131,7 @@ class Files:
             if kind in PICTURES_OF:
                 found.append((kind, Path(name)))
                 continue
-            near = difflib.get_close_matches(kind, PICTURES_OF, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(PICTURES_OF)}"
+            hint = meant(kind, PICTURES_OF, f"there are {', '.join(PICTURES_OF)}")
             raise InputError(f"--plot {text}: there is no picture {kind!r}; {hint}")
         return found
 

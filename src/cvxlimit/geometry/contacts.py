@@ -5,13 +5,13 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from difflib import get_close_matches
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray, ReadOnlyArrays, read_only
+from cvxlimit.base.checks import meant
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.polygons import mean_distance_over, members_of, torsion_arm
@@ -180,9 +180,8 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             return self.names.index(name)
         ids = zip(self.a, self.b, strict=True)
         turned = [f"{self.block_ids[b]}-{self.block_ids[a]}" for a, b in ids]
-        twin = [self.names[turned.index(name)]] if name in turned else []
-        close = twin or get_close_matches(name, self.names, 1)
-        hint = f"did you mean {close[0]!r}?" if close else "contacts.names lists them"
+        twin = [self.names[turned.index(name)]] if name in turned else self.names
+        hint = meant(twin[0] if name in turned else name, twin, "contacts.names lists them")
         raise InputError(f"there is no contact {name!r}; {hint}")
 
     def corners_of(self, j: int) -> FloatArray:

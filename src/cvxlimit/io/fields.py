@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import difflib
 import json
 import os
 import reprlib
@@ -13,6 +12,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 
+from cvxlimit.base.checks import meant
 from cvxlimit.errors import InputError
 
 JsonObject = dict[str, object]
@@ -80,9 +80,7 @@ _EXAMPLES = {
 
 def _advice(key: object, known: Collection[str]) -> str:
     if isinstance(key, str) and len(key) <= 40:
-        close = difflib.get_close_matches(key.lower(), known, n=1)
-        if close:
-            return f"did you mean {close[0]!r}?"
+        return meant(key, known, f"known keys are {', '.join(known)}")
     return f"known keys are {', '.join(known)}"
 
 

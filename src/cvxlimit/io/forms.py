@@ -14,6 +14,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from cvxlimit.base.checks import meant
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import (
@@ -81,7 +82,10 @@ def choice(words: Iterable[str]) -> Form:
     def read(value: object, where: str) -> str:
         if text(value, where) not in kind:
             known = ", ".join(map(repr, kind))
-            raise InputError(f"{where} must be one of {known}, got {shown(value)}")
+            raise InputError(
+                f"{where} must be one of {known}, got {shown(value)}"
+                + meant(value, kind, before="; ")
+            )
         return kind[str(value)]
 
     return plain(read, {"enum": [*kind]}, lambda value, _: str(value))

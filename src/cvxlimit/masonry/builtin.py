@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from cvxlimit.base.checks import meant
 from cvxlimit.errors import InputError
 from cvxlimit.masonry.arches import arch, arch_on_piers
 from cvxlimit.masonry.buttresses import flying_buttress
@@ -148,5 +149,8 @@ def builtin_scene(name: str) -> Scene:
     (54, 146)
     """
     if name not in BUILTIN:
-        raise InputError(f"there is no built-in scene {name!r}; choose one of {', '.join(BUILTIN)}")
+        raise InputError(
+            f"there is no built-in scene {name!r}; choose one of {', '.join(BUILTIN)}"
+            + meant(name, BUILTIN, before="; ")
+        )
     return BUILTIN[name]()

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from cvxlimit.base.checks import ratio
+from cvxlimit.base.checks import meant, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.convex import Convex
@@ -138,7 +138,10 @@ def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
         got = repr(value)
         if isinstance(value, type):
             got = f"the class {value.__name__}: write {value.__name__}()"
-        raise ModelError(f"{what} must be one of {', '.join(allowed)}, got {got}")
+        raise ModelError(
+            f"{what} must be one of {', '.join(allowed)}, got {got}"
+            + meant(value, allowed, before="; ")
+        )
 
 
 def _called(surface: Surface) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,6 +17,7 @@ from cvxpy.error import DCPError, DPPError, SolverError
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
 from cvxlimit.model.sinks import Form, Rows
 from cvxlimit.model.statics import DOF
@@ -63,10 +63,7 @@ class ContactForces(MulExpression):
         if not isinstance(contact, str):
             return super().__getitem__(contact)
         if contact not in self.names:
-            close = get_close_matches(contact, self.names, 1)
-            hint = (
-                f"did you mean {close[0]!r}?" if close else f"they are {reprlib.repr(self.names)}"
-            )
+            hint = meant(contact, self.names, f"they are {reprlib.repr(self.names)}")
             raise ModelError(f"there is no contact {contact!r}: {hint}")
         row = self.names.index(contact)
         matrix = cp.Constant(self.args[0].value[[row]], name=f"{self.args[0].name()}[{contact}]")

@@ -16,7 +16,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
-from cvxlimit.base.checks import of_type
+from cvxlimit.base.checks import meant, of_type
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.plotting import pictures
@@ -67,7 +67,10 @@ def picture_of(
 ) -> Any:
     """The picture of a solution by its kind, or its file; see :meth:`Solution.plot`."""
     if kind not in PICTURES:
-        raise InputError(f"there is no picture {kind!r}: choose one of {', '.join(PICTURES)}")
+        raise InputError(
+            f"there is no picture {kind!r}: choose one of {', '.join(PICTURES)}"
+            + meant(kind, PICTURES, before="; ")
+        )
     if path is None:
         return PICTURES[kind](solution, **options)
     if Path(path).suffix.lower() in (".html", ".vtu") and not options and kind != "page":

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import meant
 from cvxlimit.errors import InputError
 from cvxlimit.paths.path import PROVES, Path
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
@@ -33,7 +34,10 @@ def draw_path(
     """The picture of a path by its kind, or its file."""
     kinds: dict[str, Callable[..., Any]] = {"curve": curve, "film": film, "page": page}
     if kind not in kinds:
-        raise InputError(f"a path has no picture {kind!r}: choose one of {', '.join(kinds)}")
+        raise InputError(
+            f"a path has no picture {kind!r}: choose one of {', '.join(kinds)}"
+            + meant(kind, kinds, before="; ")
+        )
     made = kinds[kind](path, **options)
     return made if file is None else saved(made, file, options)
 

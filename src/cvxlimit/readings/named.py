@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
 from cvxlimit.readings.moments import INDEPENDENT, SIGNED, Moments, TiedMoments
 
@@ -92,5 +93,8 @@ def parse_moments(moments: str | Moments) -> Moments:
     if isinstance(moments, Moments):
         return moments
     if moments not in MOMENTS:
-        raise ModelError(f"moments must be one of {', '.join(MOMENTS)}, got {moments!r}")
+        raise ModelError(
+            f"moments must be one of {', '.join(MOMENTS)}, got {moments!r}"
+            + meant(moments, MOMENTS, before="; ")
+        )
     return MOMENTS[moments]

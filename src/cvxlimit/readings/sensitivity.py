@@ -11,6 +11,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray
 from cvxlimit.base.attached import attached
+from cvxlimit.base.checks import meant
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.readings.derivatives import (
@@ -192,7 +193,10 @@ class Sensitivity:
         values["weight"] = np.array([scene.blocks[i].weight for i in scene.free])
         values |= {"dead": scene.dead_forces, "live": scene.live_forces}
         if of not in values:
-            raise InputError(f"there is no elasticity of {of!r}: choose one of {', '.join(values)}")
+            raise InputError(
+                f"there is no elasticity of {of!r}: choose one of {', '.join(values)}"
+                + meant(of, values, before="; ")
+            )
         if not factor:
             raise InputError("a load factor of 0 has no elasticity: take the derivatives")
         by = getattr(self, of)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import meant
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.reserve import least_used
@@ -56,7 +57,10 @@ def share_used(solution: Solution, scene: Scene, surface: str | None = None) -> 
     name = "utilisation" if surface is None else _column(surface)
     if name not in found:
         known = [key.removeprefix("utilisation_") for key in found if key != "utilisation"]
-        raise InputError(f"there is no surface {surface!r}: choose one of {', '.join(known)}")
+        raise InputError(
+            f"there is no surface {surface!r}: choose one of {', '.join(known)}"
+            + meant(surface, known, before="; ")
+        )
     return found[name]
 
 

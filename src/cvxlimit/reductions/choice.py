@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.base.checks import ratio
+from cvxlimit.base.checks import meant, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance, Reduction
@@ -304,7 +304,10 @@ def explain(
     check_scene(scene)
     ratio(tolerance, "tolerance")
     if model not in MODELS:
-        raise ModelError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
+        raise ModelError(
+            f"model must be one of {', '.join(MODELS)}, got {model!r}"
+            + meant(model, MODELS, before="; ")
+        )
     surfaces = needed_surfaces(surfaces_of(surface)[0])
     found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
     state = Certifier(found.assemblage, surfaces).witnesses.easy_dead_state

@@ -6,7 +6,6 @@ import hashlib
 import os
 from collections.abc import Collection
 from dataclasses import KW_ONLY, dataclass, fields, replace
-from difflib import get_close_matches
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cvxlimit.base.arrays import FloatArray, RemadeFromFields
 from cvxlimit.base.attached import attached
-from cvxlimit.base.checks import first_twice, members, of_type, positive
+from cvxlimit.base.checks import first_twice, meant, members, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
@@ -440,12 +439,12 @@ def _check_ids(scene: Scene) -> None:
         raise InputError(f"block id {twice!r} is used twice: ids must be unique")
     for key in scene.supports:
         if key not in known:
-            cure = _meant(key, known) or "add it to the blocks"
+            cure = meant(key, known) or "add it to the blocks"
             raise InputError(f"support {key!r} is not a block of the scene; {cure}")
     for tie in scene.ties:
         for key in (tie.a, tie.b):
             if key not in known:
-                cure = _meant(key, known) or "add it to the blocks"
+                cure = meant(key, known) or "add it to the blocks"
                 raise InputError(f"tie {tie.a!r}-{tie.b!r}: there is no block {key!r}; {cure}")
         if tie.a in scene.supports and tie.b in scene.supports:
             raise InputError(f"tie {tie.a!r}-{tie.b!r} joins two supports, which do not move")
@@ -464,20 +463,13 @@ def _check_ids(scene: Scene) -> None:
             )
 
 
-def _meant(key: str, known: Collection[str]) -> str:
-    """The block that was meant, as a question; "" if none is like it."""
-    alike = {name.lower(): name for name in sorted(known)}
-    close = get_close_matches(str(key).lower(), alike, 1)
-    return f"did you mean {alike[close[0]]!r}?" if close else ""
-
-
 def _check_loads(scene: Scene) -> None:
     known = {block.id for block in scene.blocks}
     fixed = set(scene.supports)
     for case, load in (("dead", scene.dead), ("live", scene.live)):
         for key in load.named:
             if key not in known:
-                cure = _meant(key, known) or "name one of its blocks"
+                cure = meant(key, known) or "name one of its blocks"
                 raise InputError(
                     f"the {case} load names block {key!r}, which is not in the scene; {cure}"
                 )

@@ -5,14 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import finite_vector, not_negative, positive
+from cvxlimit.base.checks import finite_vector, meant, not_negative, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import cut_off, fan, plane_axes, polygon_vectors, unit
 from cvxlimit.geometry.overlays import without_holes
@@ -386,8 +385,7 @@ def _chosen(scene: Scene, blocks: Collection[str] | None) -> list[str]:
         return free
     for name in [blocks] if isinstance(blocks, str) else blocks:
         if name not in free:
-            near = get_close_matches(str(name), free, 1)
-            cure = f"did you mean {near[0]!r}?" if near else "name free blocks of the scene"
+            cure = meant(name, free, "name free blocks of the scene")
             what = "is a support, which cannot move" if name in scene.supports else "is no block"
             raise InputError(f"{name!r} {what} of scene {scene.name!r}: {cure}")
     return [blocks] if isinstance(blocks, str) else list(blocks)

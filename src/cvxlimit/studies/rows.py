@@ -7,15 +7,14 @@ import pickle
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from inspect import Parameter, Signature, signature
 from typing import Any
 
 import numpy as np
 
-from cvxlimit.base.checks import is_number, ratio
+from cvxlimit.base.checks import is_number, meant, ratio
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io.results import result_to_dict
@@ -116,16 +115,11 @@ def _put(kept: OrderedDict[Any, Any], key: object, value: object) -> None:
         kept.popitem(last=False)
 
 
-def _near(name: str, known: Collection[str]) -> str:
-    close = get_close_matches(name, known, 1)
-    return f" (did you mean {close[0]}?)" if close else ""
-
-
 def _check_option(name: str, value: object) -> None:
     if name not in OPTIONS:
         raise ModelError(
-            f"solve has no option {name!r}{_near(name, OPTIONS)}: it has {', '.join(OPTIONS)}; "
-            "parameters of the scene go into the grid"
+            f"solve has no option {name!r}: it has {', '.join(OPTIONS)}; parameters of the scene "
+            "go into the grid" + meant(name, OPTIONS, before="; ")
         )
     if name in _CHECKS and isinstance(value, (str, float, int)):
         _CHECKS[name](value)
@@ -190,7 +184,8 @@ class Study:
             why = f"cannot be called: {error}"
             for name in given:
                 if name not in own:
-                    why = f"has no parameter {name!r}{_near(name, [*own, *OPTIONS])}"
+                    near = meant(name, [*own, *OPTIONS])
+                    why = f"has no parameter {name!r}" + (f" ({near})" if near else "")
             raise InputError(
                 f"{who} {why}; its parameters are {', '.join(own)}, and options of solve may be "
                 "varied as well"

@@ -10,13 +10,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any, ClassVar, TypeAlias
 
 import cvxpy as cp
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts, least_carried
 from cvxlimit.surfaces.cones import Cone, Conic, Sink
@@ -202,8 +202,7 @@ def check_condition(
             )
         for component, coefficient in form.items():
             if component not in known:
-                close = get_close_matches(str(component).upper(), known, 1, 0.5)
-                hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+                hint = meant(component, known, f"known are {', '.join(known)}", likeness=0.5)
                 raise ModelError(f"{owner} has no force component {component!r}: {hint}")
             _check_coefficient(coefficient, f"coefficient of {component} in {owner}", rows)
     for norm in condition.norms:

@@ -6,12 +6,12 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any, Protocol
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
 
 
@@ -234,11 +234,10 @@ def parse_cone(name: str) -> Cone:
     match = re.fullmatch(r"(octagon|(\d{1,4})-gon)(-inscribed)?", name)
     if match is None:
         known = [f"{cone}{side}" for cone in ("octagon", "16-gon") for side in ("", "-inscribed")]
-        close = get_close_matches(name, ["conic", "parabolic", *known], 1, 0.7)
         raise ModelError(
             "surface must be 'conic', 'parabolic', 'octagon' or 'K-gon' (say '16-gon'), "
             f"with '-inscribed' for the safe side, got {name!r}"
-            + (f"; did you mean {close[0]!r}?" if close else "")
+            + meant(name, ["conic", "parabolic", *known], before="; ")
         )
     count = int(match[2] or 8)
     return Facets.inscribed(count) if match[3] else Facets.circumscribed(count)
