@@ -273,6 +273,41 @@ class Scene(RemadeFromFields, SceneJoints):
             settling=tuple(x.moved(turn, np.asarray(translation)) for x in self.settling),
         )
 
+    @classmethod
+    def from_compas(
+        cls, model: Any, *, friction: float, live: Any = None, length_unit: str = "m",
+        up: str = "z", **options: Any,
+    ) -> Scene:  # fmt: skip
+        """The scene of a model of compas_dem or compas_model, of an assembly, or of meshes.
+
+        Blocks have the numbers of the model's graph as names; ``solution.to_compas(model)`` gives
+        results back. Features and modifiers are applied. Supports are those that the model marks.
+        Materials have kg/m³, which become weights per volume in kN and m, N and mm and so on.
+
+        Parameters
+        ----------
+        model
+            The object itself; for its file see :func:`cvxlimit.io.import_geometry`.
+        friction, live, length_unit, up, options
+            As for :func:`cvxlimit.io.import_geometry`, ``density``, ``supports`` and others;
+            without ``live`` a push along x.
+
+        Raises
+        ------
+        InputError
+            If an element is no block, or the model says no supports or no densities.
+
+        Example
+        -------
+        .. code-block:: python
+
+            scene = Scene.from_compas(model, friction=0.7, density=20.0)
+            results = solve(scene).to_compas(model)
+            viewer.add_solution(results)  # the DEMViewer of compas_dem
+        """
+        given = {"friction": friction, "length_unit": length_unit, "up": up}
+        return attached("scene_from_compas")(model, live, **given, **options)
+
     def explain(self, surface: Any = "conic", **options: Any) -> Any:
         """Size of the model that ``solve`` uses, solver, expected times; nothing is solved.
 

@@ -428,6 +428,35 @@ class Solution:
         """
         return attached("solution_plot")(self, kind, path, **options)
 
+    def to_compas(self, model: Any, largest: float | None = None) -> Any:
+        """The results as compas_dem keeps and shows them, for the model that
+        :meth:`Scene.from_compas` made the scene of.
+
+        Parameters
+        ----------
+        model
+            Of compas_dem or compas_model; it is not changed.
+        largest : float or None
+            Displacement of the fastest corner in the collapse mechanism, which blocks are moved by;
+            a tenth of a typical joint's size unless given.
+
+        Returns
+        -------
+        compas_dem.problem.results.Results
+            ``transformation`` of nodes; of edges ``contact_data``, whose ``forces`` at the corners
+            have the contact's forces and moments as resultant (of several contacts of two blocks
+            the one with the largest force; ``contacts`` has all), ``resultant_global`` on the
+            edge's second node, and the other attributes that its ``DEMViewer`` reads.
+
+        Raises
+        ------
+        InputError
+            If a block is not where the model has it.
+        ModelError
+            If compas_dem is not installed.
+        """
+        return attached("solution_to_compas")(self, model, largest)
+
     def report(
         self,
         file: str | os.PathLike[str] | None = None,

@@ -1,4 +1,6 @@
-"""COMPAS assemblies in JSON, read as plain data: compas_assembly, compas_cra and compas_dem.
+"""COMPAS assemblies, as objects or in JSON: compas_assembly, compas_cra, compas_dem, compas_model.
+
+What follows is of files, which are read as plain data.
 
 An assembly is a graph whose nodes carry blocks; a block model is a list of elements with
 materials. Layers named ``data`` (COMPAS 2) or ``value`` (COMPAS 1) wrap every object. COMPAS 0.x
@@ -8,7 +10,9 @@ mesh its vertices and faces. No code of COMPAS runs and no object of it is made.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +26,33 @@ _WRAPPERS = ("data", "value")
 
 _DEEPEST = 12
 """Wrapping layers, and levels of groups in a block model; real files have three."""
+
+
+def bodies_of(model: Any) -> list[Body]:
+    """Of a model its elements, placed and cut by COMPAS, under their numbers in its graph; of an
+    assembly or meshes what a file of them would hold."""
+    if isinstance(model, (list, tuple)):
+        return [replace(body, name=str(i)) for i, x in enumerate(model) for body in bodies_of(x)]
+    if not hasattr(model, "elements"):
+        return read_compas(json.loads(model.to_jsonstring()))
+    elements = [each for each in model.elements() if type(each).__name__ != "Group"]
+    marked, result = any(getattr(each, "is_support", False) for each in elements), []
+    for each in elements:
+        if not hasattr(mesh := each.modelgeometry, "to_vertices_and_faces"):
+            kind = type(mesh).__name__
+            raise InputError(f"element {each.graphnode} has a {kind} as geometry: mesh it first")
+        vertices, faces = mesh.to_vertices_and_faces()
+        support = bool(getattr(each, "is_support", False)) if marked else None
+        density = getattr(each.material, "density", None)
+        points = np.array(vertices, dtype=float).reshape(-1, 3)
+        result.append(Body(str(each.graphnode), points, faces, support, density))
+    return result
+
+
+def is_object(value: object) -> bool:
+    """Whether ``value`` is an object of COMPAS, or a list of such."""
+    each = value[0] if isinstance(value, (list, tuple)) and value else value
+    return hasattr(each, "to_jsonstring")
 
 
 def is_compas(document: object) -> bool:

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +27,7 @@ from cvxlimit.io.fields import (
     shown,
 )
 from cvxlimit.io.geometry.bodies import Body, natural, separated
-from cvxlimit.io.geometry.compas import is_compas, read_compas
+from cvxlimit.io.geometry.compas import bodies_of, is_compas, is_object, read_compas
 from cvxlimit.io.geometry.digits import is_single, too_few_digits
 from cvxlimit.io.geometry.dxf import read_dxf
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh
@@ -42,6 +43,9 @@ from cvxlimit.scene.loads import Load
 AXES = ("x", "y", "z")
 
 KILONEWTONS = {"kN": 1.0, "N": 1e-3, "MN": 1e3}
+
+G = 9.80665
+"""Standard gravity, m/s²."""
 
 STONE = (5.0, 40.0)
 """Weights per volume in kN/m³ between which all stones and bricks lie: pumice has 6, basalt 31."""
@@ -69,7 +73,7 @@ class Imported:
 
 
 def import_geometry(
-    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    paths: Any,
     *,
     length_unit: str,
     up: str,
@@ -93,7 +97,8 @@ def import_geometry(
     Parameters
     ----------
     paths
-        A file, a folder of files, or several of either.
+        A file, a folder of files, or several of either; or an object of COMPAS in their place: see
+        :meth:`~cvxlimit.scene.Scene.from_compas`.
     length_unit : str
         Unit of the files' coordinates, for example "m".
     up : "x", "y" or "z"
@@ -147,12 +152,19 @@ def import_geometry(
     """
     with refusals():
         _check_asked(up, joint_tolerance)
-        files, notes = _files(paths), list[str]()
-        bodies = _named(files, notes)
+        notes, own = list[str](), is_object(paths)
+        files = [] if own else _files(paths)
+        bodies = _unique(bodies_of(paths) if own else _read(files), notes)
         _check_coordinates(bodies)
         blurred, is_single_precision = too_few_digits(bodies), is_single(bodies)
         bodies, unit = _converted(bodies, length_unit, to_unit)
-        bodies = _with_densities(bodies, density, density_factor, files, notes)
+        bodies = _with_densities(
+            bodies,
+            density,
+            density_factor,
+            own or any(file.suffix.lower() == ".json" for file in files),
+            notes,
+        )
         if len(unstated(bodies, density, supports)) > 1:
             raise InputError(
                 "no file marks supports or states densities: say which blocks are fixed "
@@ -179,7 +191,7 @@ def import_geometry(
             dead=Load(gravity=down),
             friction=friction,
             units=Units(unit, force_unit),
-            name=files[0].stem if name is None else name,
+            name=name or (str(getattr(paths, "name", "compas")) if own else files[0].stem),
             joint_tolerance=joint_tolerance,
         )
         if joint_tolerance is None:
@@ -210,6 +222,20 @@ def _metres(unit: str) -> float:
             f"there is no conversion of length unit {unit!r}: it must be one of {', '.join(METRES)}"
         )
     return METRES[unit]
+
+
+def of_compas(model: Any, live: ArrayLike | Load | None, **given: Any) -> Scene:
+    """See :meth:`cvxlimit.scene.Scene.from_compas`."""
+    if not is_object(model):
+        raise InputError(
+            f"model must be an object of COMPAS, got {model!r:.60}: of files, "
+            "cvxlimit.io.import_geometry makes a scene"
+        )
+    length = METRES.get(given.get("to_unit") or given["length_unit"])
+    force = KILONEWTONS.get(given.get("force_unit", "kN"))
+    if length is not None and force is not None:  # kg/m3 as weight per volume
+        given.setdefault("density_factor", 1e-3 * G / force * length**3)
+    return import_geometry(model, live=(1.0, 0.0, 0.0) if live is None else live, **given).scene
 
 
 def _strange_density(scene: Scene) -> list[str]:
@@ -299,7 +325,7 @@ Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 def bodies_in(paths: Paths) -> list[Body]:
     """All bodies of files and folders, by name."""
-    return _named(_files(paths), [])
+    return _unique(_read(_files(paths)), [])
 
 
 def _files(paths: Paths) -> list[Path]:
@@ -327,7 +353,7 @@ def _files(paths: Paths) -> list[Path]:
     return result
 
 
-def _named(files: Sequence[Path], notes: list[str]) -> list[Body]:
+def _read(files: Sequence[Path]) -> list[Body]:
     result: list[Body] = []
     for file in files:
         bodies = read_bodies(file)
@@ -335,8 +361,12 @@ def _named(files: Sequence[Path], notes: list[str]) -> list[Body]:
         for i, body in enumerate(bodies, 1):
             own = file.stem if alone and (len(files) > 1 or not body.name) else body.name or f"b{i}"
             result.append(replace(body, name=own))
+    return result
+
+
+def _unique(bodies: Sequence[Body], notes: list[str]) -> list[Body]:
     seen, unique = Counter[str](), []
-    for body in result:
+    for body in bodies:
         seen[body.name] += 1
         number = seen[body.name]
         unique.append(replace(body, name=f"{body.name}#{number}") if number > 1 else body)
@@ -363,7 +393,7 @@ def _with_densities(
     bodies: Sequence[Body],
     density: float | None,
     factor: float | None,
-    files: Sequence[Path],
+    is_mass: bool,
     notes: list[str],
 ) -> list[Body]:
     stated = [body for body in bodies if body.density is not None]
@@ -371,7 +401,7 @@ def _with_densities(
         if stated:
             notes.append(f"densities of {len(stated)} blocks in the files give way to {density:g}")
         return [replace(body, density=density) for body in bodies]
-    if stated and factor is None and any(file.suffix.lower() == ".json" for file in files):
+    if stated and factor is None and is_mass:
         raise InputError(
             f"block {stated[0].name!r} has density {stated[0].density:g} in the file, as a rule "
             "kg/m3 there: say what turns it into weight per volume (--density-factor 0.00980665 "
