@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.paths.increment import Found, Increment, Loads
+from cvxlimit.paths.increment import Found, Increment, Loads, Near
 from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import SLIDING, ZERO, Configuration, Ending, Path, Points, Work
 from cvxlimit.paths.points import CLOSED, SETTLED, Start
@@ -37,8 +37,8 @@ _FEW, _MANY = 12, 24
 ``SETTLED`` is enough: digits end where mechanisms compete."""
 
 _FAR = 1e-3
-"""Movement over the contact size from which two iterates lead to the end; still farther off after
-twelve, mechanisms compete, and half the step takes less time."""
+"""Movement over the contact size from which two iterates lead to the end, each from the answer
+before; still farther off after twelve, mechanisms compete, and half the step takes less time."""
 
 _TURN = 0.5
 """Largest rotation of an iterate, in radians: a tangent says nothing beyond."""
@@ -103,14 +103,13 @@ class _Walk:
         """The equilibrium at ``w`` that the iterates from ``start`` lead to."""
         is_first = start.pose is self.begin.pose
         begin = self.begin if is_first else Start.at(self.facets, start.pose, start.loose)
-        pose, before, share = start.pose, np.inf, 1.0
+        pose, before, share, last = start.pose, np.inf, 1.0, None
         moved = np.zeros(len(self.scene.free))
         for iterate in range(1, _MANY + 1):
-            points = begin.points(pose)
+            points, number = begin.numbered(pose)
             push = w * self.loads.size - self.loads.work(pose)[1]
-            answer = Increment(self.scene, points, pose, self.loads).solve(
-                push, is_rough=before > _FAR and push > _FAR * self.size * self.loads.size
-            )
+            near = Near(*last, number) if last else None
+            answer = Increment(self.scene, points, pose, self.loads).solve(push, near)
             if not isinstance(answer, Found):
                 is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
                 return _Failed(w, "blocked" if is_blocked else "falls", moved)
@@ -130,6 +129,7 @@ class _Walk:
                 break
             step = min(share if iterate > 4 else 1.0, _TURN / max(float(turned.max()), 1e-300))
             pose = pose.moved(self.scene.free, step * answer.d)
+            last = (answer, step, number) if size < _FAR else None
         return _Failed(w, "not-converged" if size < 0.1 else "falls", moved)
 
     def _shown(

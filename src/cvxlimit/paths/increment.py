@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part
@@ -29,22 +29,25 @@ from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import Points
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import Outcome, settings_for
+from cvxlimit.solvers.interior.iteration import Point
+from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces import Rocking
 from cvxlimit.surfaces.base import Condition, Norm, product, times
 
 LADDER = (settings_for("BLOCKWISE", 1e-12), settings_for("CLARABEL", 1e-12))
-"""A point that should carry nothing carries at most this over its gap, which is what keeps the
-load factor of a hinge from being exact."""
 
-ROUGH = (settings_for("BLOCKWISE", 1e-7), *LADDER[1:])
-"""For iterates that are far off."""
+_GAP = 1e-11
+"""Relative gap of an iterate, for each of its points: 1e-17 of weight times contact size, since
+solvers measure it by objectives of 1e-6 at least. A point that should carry nothing carries that
+over its gap at most, which is what keeps the load factor of a hinge from being exact."""
 
 
-def point_forces(contacts: Contacts) -> ForceModel:
+def point_forces(contacts: Contacts, is_stated: bool = False) -> ForceModel:
     """Compression n and friction mu v at every point, each within its own cone, |v| <= n: with
-    friction of 1e-9, |v| <= mu n would lose n >= 0."""
+    friction of 1e-9, |v| <= mu n would lose n >= 0. Where it ``is_stated``, that says n >= 0
+    already; certificates are told besides."""
     each, mu = np.arange(len(contacts)), contacts.friction
-    parts = [Part("n", {"N": 1}, each, nonneg=True), Part("v1", {"V1": mu}, each),
+    parts = [Part("n", {"N": 1}, each, nonneg=not is_stated), Part("v1", {"V1": mu}, each),
              Part("v2", {"V2": mu}, each)]  # fmt: skip
     return ForceModel(contacts, parts, [Condition([Norm({"v1": 1}, {"v2": 1})], {"n": 1}, each)])
 
@@ -99,12 +102,50 @@ class Loads:
 @dataclass(frozen=True, eq=False)
 class Found:
     """Answer of an increment: the load factor, forces (k, 3) at the points, and the displacement d
-    (free blocks, 6) to the next iterate; None for all where the solver has no answer."""
+    (free blocks, 6) to the next iterate. ``way`` are points on the solver's way to it, nearest
+    first, ``duals`` (equations,) what d is made of."""
 
     outcome: Outcome
     load_factor: float
     forces: FloatArray
     d: FloatArray
+    way: tuple[Point, ...]
+    duals: FloatArray
+
+
+class Near(NamedTuple):
+    """Where an iterate begins: the answer before, by which share of its d blocks have moved, and
+    numbers of its points and of those now, which ascend."""
+
+    found: Found
+    share: float
+    before: IntArray
+    now: IntArray
+
+    def starts(self, program: ConeProgram) -> list[Point]:
+        """Its way, moved along: openings are nearly what they were, now of gaps and of the rates
+        that are left. They are computed anew and lifted to as far inside as they were."""
+        place = np.searchsorted(self.before, self.now).clip(max=len(self.before) - 1)
+        k, is_new = len(place), self.before[place] != self.now
+        of_forces, result = program.matrix[: program.zero, : 3 * k].T, []
+        for at in self.found.way:
+            force, before = (v.reshape(-1, 3) for v in (at.s, at.z))
+            product = float((force * before).sum()) / len(force)
+            duals = at.y - self.share * self.found.duals
+            opening = (program.cost[: 3 * k] + of_forces @ duals).reshape(3, k).T
+            inside = np.where(is_new, np.sqrt(product), _inside(before)[place])
+            opening[:, 0] += np.maximum(inside - _inside(opening), 0.0)
+            square = opening[:, 0] ** 2 - (opening[:, 1:] ** 2).sum(axis=1)
+            central = opening * [1.0, -1.0, -1.0] * (product / square)[:, None]
+            force = np.where(is_new[:, None], central, force[place])
+            x = np.append(force.T.ravel(), at.x[-1])
+            result.append(Point(x, duals, opening.ravel(), force.ravel()))
+        return result
+
+
+def _inside(cones: FloatArray) -> FloatArray:
+    """How far inside their cones points (k, 3) are."""
+    return np.asarray(cones[:, 0] - np.linalg.norm(cones[:, 1:], axis=1))
 
 
 class Increment:
@@ -141,7 +182,8 @@ class Increment:
         )
 
     def problem(self, goal: Goal = LARGEST_FACTOR) -> LimitProblem:
-        return LimitProblem(self.assemblage, [Rocking()], formulation=point_forces, goal=goal)
+        formulation = partial(point_forces, is_stated=True)
+        return LimitProblem(self.assemblage, [Rocking()], formulation=formulation, goal=goal)
 
     def goal(self, push: Any, gap: Any, slip: tuple[Any, Any]) -> Callable[[Stated], Any]:
         """What is maximised, over units of force and length, to either sink."""
@@ -160,20 +202,26 @@ class Increment:
 
         return stated
 
-    def solve(self, push: float | None, is_rough: bool = False) -> Found | Outcome:
+    def solve(self, push: float | None, near: Near | None = None) -> Found | Outcome:
         """The answer, or what the last solver said where none has one; with nothing to ``push``
         towards, the largest load factor, whose d is a rate."""
         gap, slip = self.points.gap, self.points.slip
         goal = LARGEST_FACTOR if push is None else self.goal(push, gap, (slip[:, 0], slip[:, 1]))
-        problem = self.problem(goal)
-        scaling, mu = self.assemblage.scaling, self.points.friction
-        for settings in ROUGH if is_rough else LADDER:
-            state = problem.run(settings)
-            if state.mechanism is not None and state.internal is not None:
+        problem, ladder = self.problem(goal), LADDER
+        if push is not None:
+            own = settings_for("BLOCKWISE", max(_GAP * len(gap), 1e-12))
+            ladder = own, *LADDER[1:]
+        scaling, mu, program = self.assemblage.scaling, self.points.friction, problem.program
+        kept: dict[str, Any] = {"starts": [] if near is None else near.starts(program)}
+        for settings in ladder:
+            outcome, x, y = program.solve(settings, kept, is_warm=False)
+            state = problem.state(outcome, x, y)
+            if y is not None and state.mechanism is not None and state.internal is not None:
                 n, v1, v2 = state.internal.reshape(3, -1)
                 forces = np.stack([n, mu * v1, mu * v2], axis=1)
                 d = state.mechanism * (scaling.live * scaling.length)
-                return Found(state.outcome, float(state.load_factor or 0.0), forces, d)
-            if state.outcome.claims_no_optimum:
+                way = tuple(at for _, at in sorted(kept.get("way", {}).items()))
+                return Found(outcome, float(state.load_factor or 0.0), forces, d, way, y)
+            if outcome.claims_no_optimum:
                 break
-        return state.outcome
+        return outcome

@@ -51,7 +51,7 @@ class Start:
         pairs = facets.pairs(*facets.near(pose))
         loose = loose + CLOSED * facets.size
         start = cls(facets, pose, pairs, np.zeros(pairs.block.shape[1], dtype=bool), loose)
-        found, pair = _met(start, pose)
+        found, pair, _ = _met(start, pose)
         start.touches[pair[found.gap <= loose]] = True
         return start
 
@@ -61,7 +61,7 @@ class Start:
         facets, pose = Facets(scene, reach), Pose.first(scene)
         a, b = facets.near(pose)
         start = cls(facets, pose, facets.pairs(a, b), np.zeros(len(a), dtype=bool), 0.0)
-        found, pair = _met(start, pose)
+        found, pair, _ = _met(start, pose)
         most = np.zeros(len(a))
         np.maximum.at(most, pair, np.abs(found.gap))
         is_closed = (np.bincount(pair, minlength=len(a)) > 2) & (most <= facets.allowed(a, b))
@@ -72,9 +72,14 @@ class Start:
         """All points at a pose, with slips since the start."""
         return _met(self, pose)[0]
 
+    def numbered(self, pose: Pose) -> tuple[Points, IntArray]:
+        """The same, and numbers (k,) that ascend, by which the step's next poses have them too."""
+        points, _, number = _met(self, pose)
+        return points, number
 
-def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray]:
-    """The points, and the pair of each."""
+
+def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
+    """The points, and of each the pair, and the number among all corners and crossings."""
     facets, pairs, start, size = begin.facets, begin.pairs, begin.pose, begin.facets.size
     normal = np.stack([pose.turned(pairs.block[k], pairs.normal[k]) for k in (0, 1)])
     plane = np.stack([pose.placed(pairs.block[k], pairs.plane[k]) for k in (0, 1)])
@@ -132,7 +137,9 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray]:
     tangents = _tangents(n)
     slip = np.where(was_closed[:, None], np.einsum("kix,kx->ki", tangents, slid), 0.0)
     axes = np.concatenate([tangents, n[:, None]], axis=1)
-    return Points(a, b, x, axes, gap, slip, facets.friction(a, b)), pair
+    more = np.cumsum([0, *map(len, tail)])
+    number = np.concatenate([more[0] + corner[0], more[1] + corner[1], more[2] + crossed])[kept]
+    return Points(a, b, x, axes, gap, slip, facets.friction(a, b)), pair, number
 
 
 def _common(

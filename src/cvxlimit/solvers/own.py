@@ -116,9 +116,10 @@ class Blockwise(CLARABEL):
         c, b = (np.asarray(data[key], dtype=float) for key in (keys.C, keys.B))
         backend, way = options.pop("backend"), kept.setdefault("way", {})
         starts = [way[power] for power in sorted(way)]
-        last: Point | None = kept.get("middle" if warm_start else "start")
+        last: Point | None = kept.get("middle")
         if not warm_start:
-            starts = [] if last is None else [last]
+            starts = kept.get("starts", [])
+            last = starts[0] if starts else None
         asked = _Asked.of(c, data, b, solver_opts) if warm_start else None
         before: _Asked | None = kept.get("asked")
         if asked is not None and before is not None and before.is_about(asked):

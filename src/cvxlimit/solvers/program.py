@@ -96,8 +96,8 @@ class ConeProgram:
         rows. Solvers that
         start from the program before leave what they need in ``cache``, a point on the way to the
         answer under ``"middle"``; where the start is not to be warm they take the structure from
-        there, which is that of any program of this pattern, and start from its ``"start"``, if
-        there is one.
+        there, which is that of any program of this pattern, and start from one of its ``"starts"``,
+        points nearest to the answer first, if there are any.
 
         Solvers whose interfaces need more than these matrices get them through CVXPY, all of them
         the same problem. Never raises for what the solver does; see

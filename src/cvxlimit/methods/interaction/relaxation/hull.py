@@ -84,7 +84,7 @@ class HullProblem:
             self._last = asked, joined, self.program(joined, relief_price)
         _, joined, program = self._last
         program = replace(program, enough=-enough / self.scaling.load_factor(1.0))
-        cache = {"start": None if start is None else joined.start(start)}
+        cache: dict[str, Any] = {"starts": [] if start is None else [joined.start(start)]}
         outcome, x, y = program.solve(settings or default_ladder()[0], cache, is_warm=False)
         if x is None or y is None:
             return HullState(outcome, None, None, None)
