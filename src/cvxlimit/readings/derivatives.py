@@ -100,7 +100,7 @@ class Proof:
             self.internal = solution.internal
         else:
             raise InputError(
-                f"the solution of {solution.scene!r} does not hold the pressures on joints that "
+                f"the solution of {solution.scene_name!r} does not hold the pressures on joints that "
                 "crush, on which derivatives rest: solve the scene anew"
             )
         self.forces = model.forces(self.internal)

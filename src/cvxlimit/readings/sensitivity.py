@@ -93,13 +93,15 @@ class Sensitivity:
     has_other_mechanisms: bool
 
     def __repr__(self) -> str:
-        return f"Sensitivity({self.solution.scene!r}: {self.note})"
+        return f"Sensitivity({self.solution.scene_name!r}: {self.note})"
 
     def __str__(self) -> str:
         return "\n".join(f"{name}: {said}" for name, said in self.rows)
 
     def _repr_html_(self) -> str:
-        return html_table(f"Sensitivity of {self.solution.scene!r}", ("by", "change"), self.rows)
+        return html_table(
+            f"Sensitivity of {self.solution.scene_name!r}", ("by", "change"), self.rows
+        )
 
     @property
     def factor(self) -> float:
@@ -280,5 +282,5 @@ def _checked(solution: Solution) -> tuple[YieldSurface, ...]:
     elif solution.load_factor is None or solution.forces is None or solution.mechanism is None:
         why = f"it has no load factor with forces and mechanism ({solution.status})"
     if why:
-        raise InputError(f"the solution of {solution.scene!r} has no derivatives: {why}")
+        raise InputError(f"the solution of {solution.scene_name!r} has no derivatives: {why}")
     return solved_with(solution)

@@ -86,7 +86,7 @@ def least_used_state(
         return replace(solution, forces=found), f"{at}, in the state that uses joints least"
     if load_factor is not None:
         raise InputError(
-            f"no state of forces of {solution.scene!r} was found at load factor {load_factor:g}: "
+            f"no state of forces of {solution.scene_name!r} was found at load factor {load_factor:g}: "
             f"ask for one from 0 to {solution.lower:g}, of a solution without interaction and ties"
         )
     return solution, f"{at}, in the state of forces that was found"
@@ -96,7 +96,7 @@ def contact_forces(scene: Scene, solution: Solution) -> FloatArray | None:
     """The solution's forces (n, 6), None if it has none; refused unless one row per contact."""
     if solution.forces is not None and solution.forces.shape != (len(scene.contacts), 6):
         raise InputError(
-            f"the solution of {solution.scene!r} has forces of shape {solution.forces.shape}, "
+            f"the solution of {solution.scene_name!r} has forces of shape {solution.forces.shape}, "
             f"but scene {scene.name!r} has {len(scene.contacts)} contacts: it does not belong to it"
         )
     return solution.forces
@@ -106,7 +106,7 @@ def forces_of(scene: Scene, solution: Solution) -> FloatArray:
     found = contact_forces(scene, solution)
     if found is None:
         raise InputError(
-            f"the solution of {solution.scene!r} has no contact forces ({solution.status})"
+            f"the solution of {solution.scene_name!r} has no contact forces ({solution.status})"
         )
     return found
 
@@ -131,7 +131,7 @@ def solved_with(solution: Solution) -> tuple[YieldSurface, ...]:
     found = solution.surfaces or surfaces_named(solution.surface, solution.torsion_shear)
     if found is None:
         raise InputError(
-            f"how much of its strength a joint of {solution.scene!r} uses cannot be told: of the "
+            f"how much of its strength a joint of {solution.scene_name!r} uses cannot be told: of the "
             f"surfaces {solution.surface!r} only the names are left, and not all are built in; "
             "solution.of(scene, surfaces) gives them back"
         )
