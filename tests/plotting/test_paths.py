@@ -63,7 +63,11 @@ def test_the_run_with_half_the_step_is_drawn_beside_the_path(path: Displacements
     assert line.get_xydata().tolist() == [[c.w, c.load_factor] for c in half[:3]]  # to its snap
     assert line.get_linewidth() < named["load factor"].get_linewidth()
     assert "with half the step" not in {line.get_label() for line in path.plot().axes[0].lines}
-    assert "It slides" in shown.plot("page")
+    page = shown.plot("page")
+    assert "It slides" in page
+    data = json.loads(page.split('application/json">')[1].split("</script>")[0])["path"]
+    assert data["half"]["load_factor"] == half.load_factor.tolist()
+    assert data["half"]["displacement"] == half.displacement.tolist()
 
 
 def test_blocks_are_drawn_where_the_scene_of_a_configuration_has_them(path: Displacements) -> None:

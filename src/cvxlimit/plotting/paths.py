@@ -119,13 +119,16 @@ def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
 
 def page(path: Path) -> Page:
     """The configurations one by one at a slider, beside the curve: in one file, offline."""
-    curve = {
-        "texts": _texts(path), "displacement": path.displacement.tolist(),
-        "load_factor": path.load_factor.tolist(), "pieces": path.pieces,
-    }  # fmt: skip
+    curve = {**_numbers(path), "texts": _texts(path)}
+    curve["half"] = None if path.halved is None else _numbers(path.halved)
     advice = sentences(path.reason, *path.notes, PROVES)
     said = {"title": _title(path), "advice": advice, "path": curve}
     return path_page(path.scene, _motions(path), said)
+
+
+def _numbers(path: Path) -> dict[str, Any]:
+    d, alpha = path.displacement.tolist(), path.load_factor.tolist()
+    return {"displacement": d, "load_factor": alpha, "pieces": path.pieces}
 
 
 def _motions(path: Path) -> list[Motion]:
