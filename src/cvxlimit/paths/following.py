@@ -71,7 +71,7 @@ class _Failed:
     moved: FloatArray
 
 
-class _Walk:
+class Walk:
     """One path: what it has found so far, and how it goes on."""
 
     def __init__(self, scene: Scene, certify: str, reach: float, tell: Callable[[str], None]):
@@ -337,7 +337,7 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
     if same or any(after == start for start, _ in path.pieces):
         return there
     size = path.scene.contacts.typical_size
-    walk = _Walk(path.scene, "all", REACH * size, lambda line: None)
+    walk = Walk(path.scene, "all", REACH * size, lambda line: None)
     walk.resume(path)
     here, found = walk.found[after - 1], dict[float, _At]()
 

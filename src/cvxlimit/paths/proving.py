@@ -10,7 +10,7 @@ from cvxlimit.base.arrays import BoolArray
 from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
 from cvxlimit.methods.proving import solution_checks
 from cvxlimit.model.statics import DOF
-from cvxlimit.paths.following import REACH, _Walk
+from cvxlimit.paths.following import REACH, Walk
 from cvxlimit.paths.increment import Increment
 from cvxlimit.paths.path import Path, Points
 from cvxlimit.paths.points import CLOSED, Start
@@ -31,7 +31,7 @@ def path_checks(path: Path) -> Iterator[Check]:
 
 def _of_configurations(path: Path, which: str) -> Iterator[Check]:
     size = path.scene.contacts.typical_size
-    walk, missing = _Walk(path.scene, "none", REACH * size, lambda line: None), set[int]()
+    walk, missing = Walk(path.scene, "none", REACH * size, lambda line: None), set[int]()
     walk.resume(path)
     for i in range(len(path)):
         for claim, found in _wrong(walk, i):
@@ -49,7 +49,7 @@ def _of_configurations(path: Path, which: str) -> Iterator[Check]:
         )
 
 
-def _wrong(walk: _Walk, i: int) -> Iterator[tuple[str, str]]:
+def _wrong(walk: Walk, i: int) -> Iterator[tuple[str, str]]:
     """Claims of a configuration that do not hold, and why."""
     here, size, scene = walk.found[i], walk.size, walk.scene
     shown, pose = here.shown, here.pose

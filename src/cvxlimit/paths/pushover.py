@@ -12,7 +12,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import is_number, positive
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.solving import solve
-from cvxlimit.paths.following import REACH, _Walk
+from cvxlimit.paths.following import REACH, Walk
 from cvxlimit.paths.path import Path
 from cvxlimit.paths.refusing import checked_control, refuse, refuse_answer
 from cvxlimit.scene import Scene
@@ -114,7 +114,7 @@ def pushover(
     def follow(
         step: float | None, begin: Path | None, said: str = "", marks: FloatArray | None = None
     ) -> Path:
-        walk = _Walk(
+        walk = Walk(
             scene, certify, reach or REACH * scene.contacts.typical_size,
             lambda line: tell(f"{said}{line}"),
         )  # fmt: skip
