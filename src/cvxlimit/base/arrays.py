@@ -14,6 +14,14 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+EPSILON = 8.0 * float(np.finfo(float).eps)
+"""Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
+
+ROUNDING = 1e-9
+"""Share of a size, or of the largest of numbers alike, that is put down to rounding. Of coordinates
+it is 1e-13 of a contact's size for a scene a thousand times as large; what solvers leave of forces
+and rates that are zero, and two bounds that should be one, is 1e-10 to 1e-9."""
+
 
 def read_only(value: Any) -> Any:
     if not isinstance(value, np.ndarray) or not value.flags.writeable:

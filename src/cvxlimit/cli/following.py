@@ -24,14 +24,13 @@ from cvxlimit.io import scene_from_dict
 from cvxlimit.io.fields import file_prefix, one_line, read_document, refusals
 from cvxlimit.io.paths import PATH
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.methods.convex_search import TOLERANCE
 from cvxlimit.paths.code_check import code_check
 from cvxlimit.paths.path import PROVES
 from cvxlimit.paths.path import Path as Displacements
 from cvxlimit.paths.pushover import pushover
 from cvxlimit.plotting.look import IMAGES
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import Bracket, rounded, rounded_down, rounded_up
+from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded, rounded_down, rounded_up
 
 _KINDS = dict.fromkeys(IMAGES, "curve") | {".gif": "film", ".mp4": "film", ".html": "page"}
 """Pictures of a path, by suffix."""

@@ -25,7 +25,7 @@ COLUMN = {name: column for column, name in enumerate(COMPONENTS)}
 
 _ROUNDING = 1e-7
 """Share of its size by which a piece may stick out of its contact's hull: corners are dropped
-within 1e-9 (:data:`~cvxlimit.geometry.polygons.SAME`)."""
+within :data:`~cvxlimit.base.arrays.ROUNDING`."""
 
 
 CARRIES = 1e-6

@@ -17,29 +17,22 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import cvxlimit.geometry.mesh as mesh
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces
 
-_SAME_WAY = 0.9
+SAME_WAY = 0.9
 """Cosine below which faces are not one facet, however small they are (26 degrees): a fillet
-narrower than the tolerance must not carry a facet around its edge."""
+narrower than the tolerance must not carry a facet around its edge. Nor do facets face each other
+that are turned by more."""
 
 _CURVED = 0.5
 """Patches on curved surfaces keep within this share of the tolerance: those of two blocks that meet
 there differ, and their planes must still agree within it. On a curved joint of a public model it
 joins 1.05 and 0.96 m2, where patches of the whole tolerance join 0.97 and 0.89."""
 
-_ALIKE = 1e-6
-"""Faces whose areas differ by less than this share are as large, and the one listed first comes
-first: rounding, which is another wherever the body stands, must not choose between them."""
-
 _PARALLEL = 0.05
 """Facets whose unit normals, and whose distances over the body's size, differ by less are looked
 at for a common plane. Wide enough for facets of 1/20 of the body within any sensible tolerance."""
-
-
-STRAIGHT = 1e-9
-"""Sine of a bend that is rounding: coordinates of 16 digits over sides of 1e-7 of the size."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +57,7 @@ class Facets:
 def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
     """Faces are one facet when all their corners lie within ``tolerance`` of their mean plane;
     curved surfaces are covered by as large such patches as grow from their largest faces."""
-    surface = _Surface(points, faces, tolerance, _SAME_WAY, narrow=tolerance)
+    surface = _Surface(points, faces, tolerance, SAME_WAY, narrow=tolerance)
     sheet, label = _joined_across_edges(surface)
     return _facets(surface, faces, sheet, _joined_by_plane(surface, label))
 
@@ -178,7 +171,7 @@ def _patches(surface: _Surface, group: IntArray, f: IntArray, g: IntArray) -> It
     free[group] = True
     falling = group[np.argsort(-surface.area[group], kind="stable")]
     area = surface.area[falling]
-    alike = np.split(falling, np.flatnonzero(-np.diff(area) > _ALIKE * area[:-1]) + 1)
+    alike = np.split(falling, np.flatnonzero(-np.diff(area) > RELATIVE_TOLERANCE * area[:-1]) + 1)
     for seed in np.concatenate([np.sort(seeds) for seeds in alike]).tolist():
         if not free[seed]:
             continue
@@ -260,7 +253,7 @@ def _is_convex(corners: FloatArray) -> bool:
     scale = np.hypot(*along.T) * np.hypot(*ahead.T)
     bends = np.arctan2(turns, (along * ahead).sum(axis=1))
     once = abs(float(bends.sum()) - 2.0 * np.pi) < 1.0
-    return once and bool((turns >= -STRAIGHT * scale).all())
+    return once and bool((turns >= -ROUNDING * scale).all())
 
 
 def _without_straight(
@@ -269,5 +262,5 @@ def _without_straight(
     flat = points[list(loop)] @ axes.T
     back, ahead = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     scale = np.hypot(*back.T) * np.hypot(*ahead.T)
-    bends = mesh.turn(back, ahead) > STRAIGHT * scale
+    bends = mesh.turn(back, ahead) > ROUNDING * scale
     return tuple(i for i, bent in zip(loop, bends, strict=True) if bent)

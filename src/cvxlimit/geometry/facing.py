@@ -10,9 +10,9 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.facets import STRAIGHT, Facets
+from cvxlimit.geometry.facets import SAME_WAY, Facets
 from cvxlimit.geometry.mesh import Faces, cross, padded, polygon_vectors
 from cvxlimit.geometry.nearby import overlapping
 from cvxlimit.geometry.polygons import members_of, portions
@@ -24,9 +24,6 @@ NEAR = 30.0
 _THROUGH = 0.3
 """A gap wider than this share of a block's mean thickness is no near miss: with a tolerance that
 is coarse for thin blocks, the next block but one would be."""
-
-_FACING = -0.9
-"""Cosine between the normals of facets that face each other, at most: 26 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,14 +175,14 @@ def _fits(points: FloatArray, shape: Facets, faces: Faces, tolerance: FloatArray
         ahead = np.roll(along, -1, axis=2)
         turns = np.einsum("nfkc,nfc->nfk", cross(along, ahead), normal[:, sizes == size])
         scale = np.linalg.norm(along, axis=3) * np.linalg.norm(ahead, axis=3)
-        result &= (turns >= -STRAIGHT * scale).all(axis=(1, 2))
+        result &= (turns >= -ROUNDING * scale).all(axis=(1, 2))
     first = np.searchsorted(shape.facet, np.arange(len(shape.faces)))
     normal, middle = normal[:, first], middle[:, first]
     cosine = normal @ normal.transpose(0, 2, 1) - 2.0 * np.eye(normal.shape[1])
     level = np.einsum("nfc,ngc->nfg", normal, middle)
     apart = np.abs(level - np.einsum("nff->nf", level)[:, :, None]) > 2.0 * tolerance[:, None, None]
-    steps = apart & (cosine > 1.0 - STRAIGHT)  # of a notch: parallel, not in one plane
-    return np.asarray(result & ((cosine <= -_FACING) | steps).all(axis=(1, 2)))
+    steps = apart & (cosine > 1.0 - ROUNDING)  # of a notch: parallel, not in one plane
+    return np.asarray(result & ((cosine <= SAME_WAY) | steps).all(axis=(1, 2)))
 
 
 def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -> FacetTable:
@@ -247,7 +244,7 @@ def _facing(
     high: FloatArray,
     reach: Reach,
 ) -> IntArray:
-    facing = np.einsum("fc,fc->f", table.normal[lower], table.normal[upper]) <= _FACING
+    facing = np.einsum("fc,fc->f", table.normal[lower], table.normal[upper]) <= -SAME_WAY
     lower, upper = lower[facing], upper[facing]
     meet = overlapping(low, high, lower, low, high, upper)
     lower, upper = lower[meet], upper[meet]

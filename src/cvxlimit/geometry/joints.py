@@ -14,17 +14,13 @@ from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.facing import NEAR, FacetTable, Reach
-from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, fan, polygon_vectors, unit
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, SLIVER, fan, polygon_vectors, unit
 from cvxlimit.geometry.nearmisses import Kind, NearMiss
 from cvxlimit.geometry.polygons import Outlines, outlines
 
 _STEEPEST = 0.1
 """Sine of the angle between two facets in contact, at most: beyond, a normal force could not be
 said to act along both normals to a tenth, however small the facets and the gap between them."""
-
-
-_SIDE = 1e-6
-"""Sides shorter than this share of a facet's longest say nothing about how it is turned."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,11 +209,6 @@ class Joints:
         return np.asarray(meets & wide & ~np.isin(pair, pair[self.joined | self.missed]))
 
 
-_SLIVERS = 1e-3
-"""Share of a contact's faces, by area, whose angles say nothing: of slivers with which programs cut
-planes into triangles the normals are rounding."""
-
-
 def _turn(block: Block, group: Sequence[int], normal: FloatArray) -> tuple[int, float]:
     """How many of a block's faces are turned from a plane, and by how much the most turned one."""
     corners, face = fan(block.vertices, [block.faces[i] for i in group])
@@ -229,7 +220,7 @@ def _turn(block: Block, group: Sequence[int], normal: FloatArray) -> tuple[int, 
     )
     falling = np.argsort(-angle)
     share = np.cumsum(area[real][falling]) / area.sum()
-    largest = float(angle[falling[np.searchsorted(share, _SLIVERS)]])
+    largest = float(angle[falling[np.searchsorted(share, SLIVER)]])
     return len(np.unique(face[real][angle > RELATIVE_TOLERANCE])), largest
 
 
@@ -241,7 +232,7 @@ def _frames(lower: FacetTable, upper: FacetTable) -> tuple[FloatArray, FloatArra
     along = np.roll(lower.corners, -1, axis=1) - lower.corners
     along -= np.einsum("pkc,pc->pk", along, normal)[:, :, None] * normal[:, None]
     length = np.linalg.norm(along, axis=2)
-    first = (length > _SIDE * length.max(axis=1)[:, None]).argmax(axis=1)
+    first = (length > RELATIVE_TOLERANCE * length.max(axis=1)[:, None]).argmax(axis=1)
     rows = np.arange(len(along))
     t1 = unit(along[rows, first])
     t1 *= np.sign(t1[rows, np.abs(t1).argmax(axis=1)])[:, None]  # the larger component is positive

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 
 Faces = tuple[tuple[int, ...], ...]
 
@@ -22,7 +22,13 @@ RELATIVE_TOLERANCE = 1e-6
 """Exact shapes are told from inexact ones at this fraction of a block's size.
 
 A body that is flat-faced and convex to six digits is taken as such; vertices nearer to each other
-than this are one."""
+than this are one, faces and angles (radians) that differ by less alike, and sides shorter than this
+share of the longest say nothing of directions."""
+
+
+SLIVER = 1e-3
+"""Share of an area below which triangles say nothing of how it is turned: of slivers with which
+programs cut planes into triangles, and which booleans leave, the normals are rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,9 +210,6 @@ def triangulated(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[In
 _WAYS = np.array([[(0, 1, 2), (0, 2, 3)], [(1, 2, 3), (1, 3, 0)]])
 """Triangles of a quadrilateral cut along its first or its second diagonal."""
 
-_EQUAL = 1e-9
-"""Diagonals whose lengths differ by less than this share are as long: a square's, rounded."""
-
 
 def _diagonals(corners: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
     """Which diagonal to cut quadrilaterals (q, 4, 3) along, and whether it lies inside: the
@@ -216,9 +219,9 @@ def _diagonals(corners: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
     spans = np.linalg.norm(across, axis=2)
     middles = 0.5 * (corners[:, [0, 1]] + corners[:, [2, 3]])
     lower = (middles[:, 0] - middles[:, 1]) / spans.max(axis=1)[:, None]
-    lead = np.abs(lower) > _EQUAL
+    lead = np.abs(lower) > ROUNDING
     first = np.take_along_axis(lower, lead.argmax(axis=1)[:, None], axis=1)[:, 0]
-    equal = np.abs(spans[:, 0] - spans[:, 1]) <= _EQUAL * spans[:, 0]
+    equal = np.abs(spans[:, 0] - spans[:, 1]) <= ROUNDING * spans[:, 0]
     way = np.where(equal, first > 0.0, spans[:, 1] < spans[:, 0]).astype(np.int64)
     cut = _WAYS[np.stack([way, 1 - way], axis=1)]  # q, way, triangle, corner
     a, b, c = (

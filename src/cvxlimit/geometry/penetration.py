@@ -54,15 +54,10 @@ def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]
     return depth, where, deepest
 
 
-_REAL = 1e-3
-"""Share of the largest triangle's area from which a triangle's normal is one: booleans leave
-slivers whose normals are rounding, and plates are thin across large faces."""
-
-
 def _widest_view(triangles: FloatArray) -> float:
     vectors = mesh.polygon_vectors(triangles)
     area = np.linalg.norm(vectors, axis=1)
-    real = area > _REAL * area.max()
+    real = area > mesh.SLIVER * area.max()
     directions = np.unique((vectors[real] / area[real, None]).round(3), axis=0)
     return float(0.5 * np.abs(directions @ vectors.T).sum(axis=1).max())
 

@@ -15,18 +15,15 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.mesh import turn
 from cvxlimit.geometry.overlays import union
 
 _SLENDER = 1e-3
 """Below this side ratio the gradient of c_T is taken at the ratio itself: its log term's slope
-is unbounded at zero, and a wrong slope there does not change c_T by more than 1e-6."""
-
-SAME = 1e-9
-"""Corners nearer to each other, or to the line between their neighbours, than this share of the
-polygon's size are one, or straight; polygons that are not wider have no area. Rounding of
-coordinates is 1e-13 of a contact's size for a scene a thousand times as large."""
+is unbounded at zero, and a wrong slope there does not change c_T by more than 1e-6.
+Segments shorter than this share of their distance are integrated by Simpson's rule, to 1e-13; the
+difference of the integral's ends would lose as many digits as they are short."""
 
 
 def torsion_arm(l1: ArrayLike, l2: ArrayLike) -> FloatArray:
@@ -89,12 +86,7 @@ def mean_distance_on_segment(start: FloatArray, end: FloatArray) -> FloatArray:
     whole = distance_integral(height, begin + length) - distance_integral(height, begin)
     ends = np.linalg.norm(start, axis=-1) + np.linalg.norm(end, axis=-1)
     simpson = (ends + 4.0 * np.linalg.norm(0.5 * (start + end), axis=-1)) / 6.0
-    return np.where(length > _SHORT * ends, whole / safe, simpson)
-
-
-_SHORT = 1e-3
-"""Segments shorter than this share of their distance are integrated by Simpson's rule, to 1e-13;
-the difference of the integral's ends would lose as many digits as they are short."""
+    return np.where(length > _SLENDER * ends, whole / safe, simpson)
 
 
 def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
@@ -235,10 +227,11 @@ def _doubled(polygons: FloatArray) -> FloatArray:
 
 
 def simplified(corners: FloatArray, count: IntArray, size: FloatArray) -> list[FloatArray]:
-    """Convex polygons (p, k, 2) without corners that coincide or are straight, within :data:`SAME`
+    """Convex polygons (p, k, 2) without corners that coincide or are straight, within
+    :data:`~cvxlimit.base.arrays.ROUNDING`
     of the ``size`` (p,) of what they were made from; empty where none is wider. Of straight
     neighbours every other one goes first, so that many of them cannot carry the outline away."""
-    tolerance = SAME * size[:, None]
+    tolerance = ROUNDING * size[:, None]
     apart = np.linalg.norm(corners - _neighbour(corners, count, -1), axis=2) > tolerance
     corners, count = _kept(corners, apart & _meant(corners, count))
     for parity in cycle((0, 1)):
@@ -348,7 +341,7 @@ def _rectangles(pair: IntArray, first: FloatArray, second: FloatArray) -> Outlin
 def _polygon(pair: int, parts: Sequence[FloatArray]) -> Outlines:
     hull, area, middle = united(parts)
     local, extent, turn = _along_own_sides(hull - middle)
-    is_whole = abs(area_and_centroid(hull)[0] - area) <= _WHOLE * area
+    is_whole = abs(area_and_centroid(hull)[0] - area) <= ROUNDING * area
     pieces = np.empty(1, dtype=object)
     if not is_whole:
         pieces[0] = tuple((part - middle) @ turn.T for part in parts)
@@ -367,7 +360,7 @@ def _bearing(pieces: list[FloatArray], least: float) -> list[list[FloatArray]]:
     if len(pieces) == 1:
         return [pieces]
     shapes = shapely.polygons([shapely.linearrings(piece) for piece in pieces])
-    grid = 2.0 * SAME * float(np.ptp(np.concatenate(pieces), axis=0).max())
+    grid = 2.0 * ROUNDING * float(np.ptp(np.concatenate(pieces), axis=0).max())
     parts = shapely.get_parts(union(shapes, grid, is_snapped=True))
     wide = 2.0 * shapely.area(parts) > least * shapely.length(parts)
     if wide.all() or not wide.any():
@@ -376,10 +369,6 @@ def _bearing(pieces: list[FloatArray], least: float) -> list[list[FloatArray]]:
     groups = [np.flatnonzero(wide), *np.flatnonzero(~wide)[:, None]]
     members = (np.flatnonzero(np.isin(nearest, group)) for group in groups)
     return [[pieces[i] for i in group.tolist()] for group in members if len(group)]
-
-
-_WHOLE = 1e-9
-"""Share of its area by which a polygon may fall short of its hull and still count as convex."""
 
 
 def _width(polygon: FloatArray, area: float | None = None) -> float:

@@ -20,10 +20,6 @@ from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, EdgeTable, Faces
 from cvxlimit.geometry.nearby import nearby_pairs
 
-SAME_ANGLE = 1e-6
-"""Radians within which two faces at an edge count as one behind the other: between what double
-precision leaves of equal angles (1e-15, more at slivers) and the flattest real edges."""
-
 
 @dataclass(frozen=True, eq=False)
 class Shells:
@@ -130,9 +126,9 @@ class _Around:
         across = into[int(np.linalg.norm(into, axis=1).argmax())]
         angle = np.arctan2(into @ np.cross(axis, across), into @ across)
         turn = np.argsort(angle, kind="stable")
-        new = np.diff(angle[turn]) > SAME_ANGLE
+        new = np.diff(angle[turn]) > RELATIVE_TOLERANCE
         groups = np.split(sides[turn], np.flatnonzero(new) + 1)
-        if len(groups) > 1 and angle[turn[0]] + 2.0 * np.pi - angle[turn[-1]] <= SAME_ANGLE:
+        if len(groups) > 1 and angle[turn[0]] + 2.0 * np.pi - angle[turn[-1]] <= RELATIVE_TOLERANCE:
             groups = [np.concatenate([groups[-1], groups[0]]), *groups[1:-1]]
         self.groups[edge] = [np.sort(group).tolist() for group in groups]
         for number, group in enumerate(self.groups[edge]):

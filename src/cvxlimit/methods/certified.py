@@ -322,7 +322,7 @@ class _Proof:
                 gap = search.upper - search.lower
                 if gap < 0.99 * seen or not np.isfinite(seen):
                     seen, gained = gap, spent
-                is_idle = spent - gained > max(BRACKET.idle, spent / 3.0)
+                is_idle = spent - gained > max(BRACKET.budget, spent / 3.0)
                 is_idle &= self.rule.branching_seconds is None
                 is_over = spent > seconds or (is_idle and search.nodes >= BRACKET.least_nodes)
                 is_exhausted = not search.can_go_on and gap > search.width

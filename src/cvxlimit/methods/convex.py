@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cvxlimit.base.checks import not_negative, ratio
-from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
+from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.dilatancy.least_thrust import PATIENCE, is_covered, lower_bound
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.solution import Status
+from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.solution.kinematics import Dilatancy
 
 

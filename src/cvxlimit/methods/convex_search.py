@@ -33,12 +33,9 @@ from cvxlimit.proof.strength import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
-from cvxlimit.solution.bracket import Bracket, known
+from cvxlimit.solution.bracket import TOLERANCE, Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
 from cvxlimit.surfaces.coulomb import needed_surfaces
-
-TOLERANCE = 1e-5
-"""Default width of the bracket, relative to its upper end."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from cvxpy.settings import OPTIMAL, OPTIMAL_INACCURATE
 
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
+from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.limits import broken
@@ -20,7 +20,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.own_limits import OwnCertifier
 from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.solution import Solution, Status
-from cvxlimit.solution.bracket import Bracket, known
+from cvxlimit.solution.bracket import TOLERANCE, Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, asked_ladder
 
 

@@ -20,7 +20,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
-from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
+from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.driver import Run
@@ -40,7 +40,7 @@ from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments, reading_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
-from cvxlimit.solution.bracket import Bracket, rounded_down, rounded_up
+from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_named, surfaces_of

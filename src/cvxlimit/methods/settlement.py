@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.convex_search import TOLERANCE, ConvexSearch
+from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Progress, Run, drive, packed
 from cvxlimit.methods.table import check
 from cvxlimit.model.assemblage import Assemblage, Balance
@@ -21,7 +21,7 @@ from cvxlimit.scene import Scene, check_scene
 from cvxlimit.scene.loads import Load
 from cvxlimit.scene.settling import SupportMotion, check_motions
 from cvxlimit.solution import Solution, Status
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.bracket import TOLERANCE, Bracket
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName
 

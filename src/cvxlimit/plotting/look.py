@@ -95,9 +95,6 @@ def block_colours(
     return colours
 
 
-NOTHING = 1e-6
-"""Of a load factor, a change that is rounding."""
-
 SLOW = 0.05
 """Joints that move by less than this share of the fastest are not drawn: where sliding dilates,
 nearly every joint of a wall moves a little, and a hundred lines say nothing."""

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 from cvxlimit.geometry.mesh import cross
 from cvxlimit.geometry.overlays import Regions, difference, intersections, union
 
@@ -22,13 +22,10 @@ from cvxlimit.geometry.overlays import Regions, difference, intersections, union
 @dataclass(frozen=True)
 class _Rounding:
     """``edge_on`` is the sine of the angle to the line of sight below which a face is a line.
-    Regions lie on a ``grid`` of so many sizes of the picture, a hundredth of a line's width. Areas
-    below the share ``sliver`` of the picture's, and differences of distance below its root of its
-    size, are rounding."""
+    Regions lie on a ``grid`` of so many sizes of the picture, a hundredth of a line's width."""
 
     edge_on: float = 1e-6
     grid: float = 2e-5
-    sliver: float = 1e-9
 
 
 _ROUNDING = _Rounding()
@@ -71,9 +68,7 @@ class Faces:
         points = np.concatenate(self.corners)[:, :2]
         owner = np.repeat(np.arange(len(counts)), counts)
         hulls = shapely.convex_hull(shapely.multipoints(points, indices=owner))
-        hidden = np.isnan(self.planes[:, 0]) | (
-            shapely.area(hulls) < _ROUNDING.sliver * self.size**2
-        )
+        hidden = np.isnan(self.planes[:, 0]) | (shapely.area(hulls) < ROUNDING * self.size**2)
         hulls[hidden] = shapely.Polygon()
         return np.asarray(hulls)
 
@@ -102,14 +97,14 @@ class Faces:
         one, other = self.tree.query(self.flat, predicate="intersects")
         one, other = one[one < other], other[one < other]
         shared = intersections(self.flat[one], self.flat[other], self.grid)
-        kept = shapely.area(shared) > _ROUNDING.sliver * self.size**2
+        kept = shapely.area(shared) > ROUNDING * self.size**2
         one, other, shared = one[kept], other[kept], shared[kept]
         points, owner = shapely.get_coordinates(shared, return_index=True)
         ahead = self.nearness(other[owner], points) - self.nearness(one[owner], points)
         most, least = np.full(len(one), -np.inf), np.full(len(one), np.inf)
         np.maximum.at(most, owner, ahead)
         np.minimum.at(least, owner, ahead)
-        tie = _ROUNDING.sliver**0.5 * self.size
+        tie = ROUNDING**0.5 * self.size
         first, second = most <= tie, (least >= -tie) & (most > tie)
         behind = [other[first], one[second]]
         parts = [shared[first], shared[second]]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import EPSILON, ROUNDING, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
@@ -25,6 +25,7 @@ from cvxlimit.proof.gluing import glued, without_idle
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import NOTHING, ContactFlow, Flow, Strength, finite
 from cvxlimit.scene import Scene
+from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
 
@@ -33,8 +34,6 @@ from cvxlimit.surfaces.base import YieldSurface
 class _Numbers:
     """What each number is for, and where it was measured."""
 
-    epsilon: float = 8.0 * float(np.finfo(float).eps)
-    """Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
     stuck: tuple[float, ...] = (1e-09, 1e-12)
     """Relative rates at a contact, over the mechanism's largest, up to which its blocks may be
     meant to move as one; both are tried. Solvers leave up to 1e-11 where nothing moves."""
@@ -43,16 +42,12 @@ class _Numbers:
     gripping: float = 100.0
     """Friction from which that matters: the flow rule asks for an opening of friction times the
     slip, so that slips by rounding cost some of the bracket."""
-    idle: float = 1e-09
-    """Forces at a contact, over the largest of all, up to which it may be meant to carry none."""
     unresisted: float = 1e-10
     """Load factor, over the natural one, that rounding in equilibrium may hide where nothing
     resists: ten times what counts as balanced. The dead-load state itself carries zero."""
     price: float = 1e-06
     """What a proof may cost where a bound with an assumption is tighter, relative: a tenth of the
     width of bracket that counts as certified."""
-    width: float = 1e-05
-    """The width of bracket that counts as certified unless another one is asked for."""
 
 
 _N = _Numbers()
@@ -107,7 +102,7 @@ class Certifier:
         surfaces: Sequence[YieldSurface],
         formulation: Formulation = corner_compressions,
         flow: ContactFlow | None = None,
-        width: float = _N.width,
+        width: float = TOLERANCE,
     ) -> None:
         if isinstance(surfaces, str):
             raise ModelError(
@@ -290,14 +285,14 @@ class Certifier:
             return 0.0
         forces = self.strength.forces(state)
         rest = block_sizes(self.statics.residual(forces, alpha), self.size)
-        rest += _N.epsilon * self.statics.acting(forces, alpha, self.size)
+        rest += EPSILON * self.statics.acting(forces, alpha, self.size)
         return float(rest @ block_sizes(u, 1.0 / self.size)) / live
 
     def _lower_without_idle(
         self, x: FloatArray, alpha: float, rate: float, u: FloatArray | None
     ) -> _Bound:
         can = self._can_reduce and self._flow is None and not self.strength.is_internal
-        given = without_idle(self.assemblage, x, _N.idle) if can else None
+        given = without_idle(self.assemblage, x, ROUNDING) if can else None
         smaller = None if given is None else self._of_less(given[0])
         if given is None or smaller is None:
             return -np.inf, False, np.nan, np.nan
@@ -399,12 +394,12 @@ class Certifier:
         rates = np.abs(u).ravel()
         live = float(self.statics.live @ u.ravel())
         live_error, dead_error = (
-            _N.epsilon * float(np.abs(f) @ rates) for f in (self.statics.live, self.statics.dead)
+            EPSILON * float(np.abs(f) @ rates) for f in (self.statics.live, self.statics.dead)
         )
         if not live > 2.0 * live_error:
             return np.inf, False
         bound = (dissipation - float(self.statics.dead @ u.ravel())) / live
-        error = dead_error + _N.epsilon * abs(dissipation) + abs(bound) * live_error
+        error = dead_error + EPSILON * abs(dissipation) + abs(bound) * live_error
         return bound + error / live, True
 
     def _rounding(self, u: FloatArray) -> FloatArray:
@@ -413,7 +408,7 @@ class Certifier:
         return self._sum_of_roundings(size.reshape(-1, DOF))
 
     def _sum_of_roundings(self, size: FloatArray) -> FloatArray:
-        return np.asarray(_N.epsilon * (size * self.strength.rate_sizes).sum(axis=1))
+        return np.asarray(EPSILON * (size * self.strength.rate_sizes).sum(axis=1))
 
     def is_balanced(self, state: FloatArray, alpha: float) -> bool:
         """True if the state balances the loads at ``alpha`` up to rounding."""

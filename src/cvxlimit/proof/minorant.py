@@ -13,14 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import EPSILON, ROUNDING, FloatArray
 from cvxlimit.proof.certificate import Certifier
-
-_EPSILON = 8.0 * float(np.finfo(float).eps)
-"""Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
-
-_STILL = 1e-9
-"""Rates of blocks, over the largest, that are noise of solvers where blocks do not move."""
 
 _MORE = 1e-7
 """What a bound may cost where contacts hold each other, so that no rates open all of them: its
@@ -44,7 +38,7 @@ def minorant(certifier: Certifier, weights: FloatArray, mechanism: FloatArray) -
     if not np.isfinite(mechanism).all():
         return None
     size = np.abs(mechanism).max(axis=1)
-    still = np.where((size > _STILL * size.max(initial=0.0))[:, None], mechanism, 0.0)
+    still = np.where((size > ROUNDING * size.max(initial=0.0))[:, None], mechanism, 0.0)
     for rates, more in ((mechanism, 0.0), (still, _MORE)):
         own = (1.0 + more) * weights
         opened = certifier.opened(rates, (own, np.abs(own)))
@@ -54,6 +48,6 @@ def minorant(certifier: Certifier, weights: FloatArray, mechanism: FloatArray) -
         return None
     statics, u = certifier.statics, opened.rates.ravel()
     constant, slope = float(statics.dead @ u) - opened.dissipation, float(statics.live @ u)
-    lost = _EPSILON * (float(np.abs(statics.dead) @ np.abs(u)) + abs(opened.dissipation))
-    rounding = _EPSILON * float(np.abs(statics.live) @ np.abs(u))
+    lost = EPSILON * (float(np.abs(statics.dead) @ np.abs(u)) + abs(opened.dissipation))
+    rounding = EPSILON * float(np.abs(statics.live) @ np.abs(u))
     return Minorant(*((part / (1.0 + more)) for part in (constant - lost, slope, rounding)))

@@ -16,14 +16,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import EPSILON, FloatArray
 from cvxlimit.model.limits import LinearLimits
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution.bracket import Bracket
-
-_EPSILON = 8.0 * float(np.finfo(float).eps)
-"""Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
 
 class OwnCertifier:
@@ -62,7 +59,7 @@ class OwnCertifier:
         limits, flat = self.limits, x.ravel()
         size = self._matrix_sizes @ np.abs(flat) + np.abs(limits.factor * alpha)
         size += np.abs(limits.right)
-        over = limits.matrix @ flat + limits.factor * alpha - limits.right + _EPSILON * size
+        over = limits.matrix @ flat + limits.factor * alpha - limits.right + EPSILON * size
         over[self._given[:1]] = 0.0
         return np.asarray(over)
 
@@ -87,7 +84,7 @@ class OwnCertifier:
         limits, flat = self.limits, u.ravel()
         weight = float(self.statics.live @ flat + limits.factor @ lam)
         size = float(np.abs(self.statics.live) @ np.abs(flat) + np.abs(limits.factor * lam).sum())
-        rounding = _EPSILON * size
+        rounding = EPSILON * size
         if len(self._given):
             j, lam = self._given[0], lam.copy()
             lam[j] += (self.of_factor - weight) / limits.factor[j]
@@ -96,7 +93,7 @@ class OwnCertifier:
             return np.inf
         terms = np.array([dissipation, -float(self.statics.dead @ flat), float(limits.right @ lam)])
         lost = float(np.abs(self.statics.dead) @ np.abs(flat) + np.abs(limits.right * lam).sum())
-        bound, lost = float(terms.sum()), _EPSILON * (lost + abs(dissipation))
+        bound, lost = float(terms.sum()), EPSILON * (lost + abs(dissipation))
         if len(self._given):
             return bound + self.constant + lost + rounding
         bound /= weight
@@ -117,7 +114,7 @@ class OwnCertifier:
             return -np.inf
         forces, factor = mixed[0].ravel(), mixed[1]
         value = float(self.of_forces @ forces) + self.of_factor * factor + self.constant
-        value -= _EPSILON * float(np.abs(self.of_forces) @ np.abs(forces))
+        value -= EPSILON * float(np.abs(self.of_forces) @ np.abs(forces))
         return value - self._hidden(*mixed, mechanism, multipliers)
 
     def _mixed(
@@ -155,7 +152,7 @@ class OwnCertifier:
         if not self.has_aim:
             power = float(self.statics.live @ u.ravel() + self.limits.factor @ lam)
         rest = block_sizes(self.statics.residual(x, alpha), size)
-        rest += _EPSILON * self.statics.acting(x, alpha, size)
+        rest += EPSILON * self.statics.acting(x, alpha, size)
         hidden = float(rest @ block_sizes(u, 1.0 / size))
         return hidden / power if power > 0.0 else 0.0
 

@@ -18,15 +18,8 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.facing import FacetTable
-from cvxlimit.geometry.mesh import fan
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, fan
 from cvxlimit.geometry.polygons import united
-
-_ON = 1e-6
-"""Of a contact's size, how near a point counts as on an edge: vertices of two blocks that are this
-near came from the same corner, written with six digits."""
-
-_ALONG = 1e-6
-"""Sine of the angle below which edges are parallel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +42,7 @@ class Shapes:
             polygons = [contacts.corners_of(j), *contacts.pieces.get(j, ())]
             own, place = np.concatenate(polygons), np.arange(sum(map(len, polygons)))
             if len(polygons) > 1:
-                near = np.round(own / (_ON * float(np.sqrt(contacts.area[j]))))
+                near = np.round(own / (RELATIVE_TOLERANCE * float(np.sqrt(contacts.area[j]))))
                 _, first, place = np.unique(near, axis=0, return_index=True, return_inverse=True)
                 own = own[first]
             rows = np.split(start[-1] + place.ravel(), np.cumsum([*map(len, polygons)])[:-1])
@@ -169,7 +162,7 @@ def followed(shapes: Shapes, blocks: Sequence[Block], table: FacetTable) -> Iter
 
 def _both(shapes: Shapes, j: int, sides: Sequence[tuple[int, _Facet]]) -> Iterator[Follows]:
     c, rows = shapes.contacts, slice(shapes.start[j], shapes.start[j + 1])
-    points, near = shapes.points[rows], _ON * float(np.sqrt(c.area[j]))
+    points, near = shapes.points[rows], RELATIVE_TOLERANCE * float(np.sqrt(c.area[j]))
     # all edges that pass through points: point, inward normal, whose, its ends, share of the second
     lines: list[list[tuple[FloatArray, int, int, int, float]]] = [[] for _ in points]
     for side, (_, facet) in enumerate(sides):
@@ -194,7 +187,7 @@ def _both(shapes: Shapes, j: int, sides: Sequence[tuple[int, _Facet]]) -> Iterat
         groups: list[list[tuple[FloatArray, int, int, int, float]]] = []
         for line in through:
             for group in groups:
-                if abs(_sine(group[0][0], line[0])) < _ALONG:
+                if abs(_sine(group[0][0], line[0])) < RELATIVE_TOLERANCE:
                     group.append(line)
                     break
             else:
@@ -211,7 +204,7 @@ def _both(shapes: Shapes, j: int, sides: Sequence[tuple[int, _Facet]]) -> Iterat
                 for end, weight in ((i, 1.0 - part), (k, part)):
                     at = place[side][end]
                     found[side][p, at] += share * weight * np.outer(column, way)
-                    shares[side][at] |= len(owners) == 2 and weight > _ON
+                    shares[side][at] |= len(owners) == 2 and weight > RELATIVE_TOLERANCE
     for side, (block, facet) in enumerate(sides):
         height, tilt = facet.plane(vertex[side], c.origin[j])
         # each plane is one of two; that b's normal and its changes point the other way cancels

@@ -48,9 +48,7 @@ forces, is what corners that open are left with."""
 
 _TRIAL = 1e-3
 """Of the largest force, by which others are tried: what has a slope with them that differs by less
-than a hundredth of that, :data:`APART` of the largest, is put down to rounding."""
-
-APART = 1e-5
+than a hundredth of that, the width of a bracket of the largest, is put down to rounding."""
 
 _INSIDE = 1e-3
 """Less of it for contacts of several pieces, whose corners may lie on the hull's edges: nearer to

@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.base.arrays import IntArray
+from cvxlimit.base.arrays import ROUNDING, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.readings.moments import Moments
-from cvxlimit.readings.settings import SUPPORT
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.reductions.mirror import Mirror
 
@@ -64,4 +63,4 @@ def _is_indifferent(moments: Moments, mirror: Mirror, contacts: Contacts) -> boo
     image[mirror.contacts] = np.einsum("nij,nj->ni", mirror.carried, forces)
     one = moments.excess(forces, contacts)
     other = moments.excess(image, contacts)[mirror.contacts]
-    return bool(np.abs(one - other).max() <= SUPPORT.rounding * np.abs(one).max())
+    return bool(np.abs(one - other).max() <= ROUNDING * np.abs(one).max())

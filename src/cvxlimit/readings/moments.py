@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.readings.settings import SUPPORT
@@ -168,7 +168,7 @@ class Moments(ABC):
         so that the surface keeps an interior."""
         arm = np.minimum(at.arm, self.largest_arm(contacts)) / contacts.torsion_arm
         shears = self.lever(at.centre).T / contacts.torsion_arm
-        return Eccentricity(np.maximum(arm, SUPPORT.rounding), *shears)
+        return Eccentricity(np.maximum(arm, ROUNDING), *shears)
 
     def cells(self, contacts: Contacts, boxes: FloatArray) -> Cells:
         chosen = ~contacts.is_rectangle & ~self.has_corner_hull(contacts, boxes)

@@ -15,7 +15,6 @@ from cvxlimit.base.checks import meant
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.readings.derivatives import (
-    APART,
     JOINTS,
     ByLoad,
     Proof,
@@ -26,13 +25,13 @@ from cvxlimit.readings.derivatives import (
 from cvxlimit.readings.utilisation import solved_with
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, Solution
-from cvxlimit.solution.bracket import rounded_up
+from cvxlimit.solution.bracket import TOLERANCE, rounded_up
 from cvxlimit.surfaces import YieldSurface
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_NOTHING = 1e-6
+NOTHING = 1e-6
 """Of a load factor, what is not worth a word."""
 
 
@@ -117,8 +116,8 @@ class Sensitivity:
         names["weight"] = tuple(scene.blocks[i].id for i in scene.free)
         for what, own in names.items():
             by = self.elasticity(what) if self.factor else np.zeros(len(own))
-            if np.abs(by).max(initial=0.0) > _NOTHING:
-                total = by.sum() if abs(by.sum()) > _NOTHING * np.abs(by).sum() else 0.0
+            if np.abs(by).max(initial=0.0) > NOTHING:
+                total = by.sum() if abs(by.sum()) > NOTHING * np.abs(by).sum() else 0.0
                 found.append((what.replace("_", " "), f"{total:+.3g} % for 1 % more everywhere; "
                               f"{_most(by, own, '%')}"))  # fmt: skip
         size, ids = np.linalg.norm(self.moves, axis=1), [block.id for block in scene.blocks]
@@ -179,7 +178,7 @@ class Sensitivity:
         were: the sums over its vertices. Where these cancel but for rounding, zero."""
         total = np.array([by.sum(axis=0) for by in self.vertices.values()])
         most = max(float(np.abs(by).sum(axis=0).max()) for by in self.vertices.values())
-        return np.where(np.abs(total) > _NOTHING * most, total, 0.0)
+        return np.where(np.abs(total) > NOTHING * most, total, 0.0)
 
     def elasticity(self, of: str) -> FloatArray:
         """Per cent of the load factor per per cent of ``"friction"``, the other joint values,
@@ -244,7 +243,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
     found, shared = by_joints(proof, start)
     several, other = proof.elsewhere()
     one_sided = {
-        name: several | (np.abs(by - found[name]) > APART * np.abs(found[name]).max())
+        name: several | (np.abs(by - found[name]) > TOLERANCE * np.abs(found[name]).max())
         for name, by in by_joints(other, start)[0].items()
     }
     one_sided["vertices"] = one_sided["vertices"].any(axis=1)

@@ -24,7 +24,6 @@ class SupportSettings:
     most_whole: int = 500  # polygons whose arms, 5 ms each, are bounded even of whole contacts
     cells: int = 4  # along a polygon's sides, two or more along its box's: bounds with 8 are alike
     digits: int = 40  # binary ones of a polygon's size in which equal ones agree
-    rounding: float = 1e-9  # share of a contact's size, or area, that counts as nothing
     stations: int = 48  # positions along a contact that ends of inscribed rectangles try,
     angles: int = 24  # and directions, besides those of the contact's edges
     grid: int = 21  # pressure centres per axis at which their arms are compared

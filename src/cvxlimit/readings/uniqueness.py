@@ -16,11 +16,8 @@ from scipy.sparse.linalg import splu
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.model.flow import StrengthRows
 from cvxlimit.model.statics import DOF
+from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.surfaces.cones import Cone
-
-_SMALL = 1e-5
-"""Share of the largest force, and of the largest rate, that counts as none: the bracket's width by
-default, to which both are known."""
 
 _ASIDE = 1e-4
 """By which share of its size a vector is turned to see whether a condition is straight there."""
@@ -57,13 +54,13 @@ def others(
         low = np.linalg.eigvalsh(square.toarray())[[0, min(1, square.shape[0] - 1), -1]]
     else:
         largest = float(sp.linalg.norm(square, 1))
-        low = np.append(sp.linalg.eigsh(square, 2, sigma=-(_SMALL**3) * largest)[0], largest)
-    many = len(rows) > 1 and bool(low[1] <= _SMALL**2 * low[2])
+        low = np.append(sp.linalg.eigsh(square, 2, sigma=-(TOLERANCE**3) * largest)[0], largest)
+    many = len(rows) > 1 and bool(low[1] <= TOLERANCE**2 * low[2])
     # any change of forces, as far as it stays on the faces and in equilibrium
     within = matrix @ across[1]
     trial = across[1] @ np.random.default_rng(0).standard_normal(len(unit))
     square = within @ within.T
-    least = _SMALL**2 * float(square.diagonal().max())
+    least = TOLERANCE**2 * float(square.diagonal().max())
     solve = splu((square + least * sp.eye_array(square.shape[0])).tocsc()).solve
     for _ in range(3):
         trial = trial - within.T @ solve(within @ trial)
@@ -90,7 +87,7 @@ def _across(
     normals: list[list[FloatArray]] = [[] for _ in members]
     held: list[list[FloatArray]] = [[] for _ in members]
     opening = rates - (strength.resistance.transposed @ multipliers) * unit
-    idle, opens = internal <= _SMALL * size, opening > _SMALL * speed
+    idle, opens = internal <= TOLERANCE * size, opening > TOLERANCE * speed
     for vectors, which in ((normals, idle), (held, opens)):
         for i in np.flatnonzero(model.nonneg & which).tolist():
             j = model.contact[i]
@@ -99,14 +96,14 @@ def _across(
     for (cone, where, groups), (excess, contact) in zip(
         strength.conditions, strength.excess(internal * unit), strict=True
     ):
-        moves = multipliers[where] > _SMALL * speed
-        for k in np.flatnonzero(moves | (excess >= -_SMALL * size)).tolist():
+        moves = multipliers[where] > TOLERANCE * speed
+        for k in np.flatnonzero(moves | (excess >= -TOLERANCE * size)).tolist():
             j = contact[k]
             found: list[FloatArray] = [-row(strength.resistance.matrix, where.start + k, j)]
             for group in groups:
                 rows = [part.start + k for part in group]
                 own = np.array([row(strength.norms.matrix, i, j) for i in rows])
-                ways, bends = _gradients(cone, values[rows], _SMALL * size)
+                ways, bends = _gradients(cone, values[rows], TOLERANCE * size)
                 found = [part + way @ own for part in found for way in ways]
                 held[j] += [way @ own for way in bends if moves[k]]
             normals[j] += found
@@ -122,7 +119,7 @@ def _projection(members: list[IntArray], across: list[list[FloatArray]]) -> sp.c
         block = np.eye(len(own))
         if vectors:
             _, size, ways = np.linalg.svd(np.array(vectors), full_matrices=False)
-            ways = ways[size > _SMALL * size[0]]
+            ways = ways[size > TOLERANCE * size[0]]
             block -= ways.T @ ways
         blocks.append(block.ravel())
         index.append([np.repeat(own, len(own)), np.tile(own, len(own))])
@@ -141,9 +138,9 @@ def _gradients(
         return [*eye, *-eye], list(eye)
 
     def gradient(where: FloatArray) -> FloatArray:
-        step = _SMALL * size * eye
+        step = TOLERANCE * size * eye
         ends = [cone.gauge(list(where[:, None] + way * step)) for way in (1.0, -1.0)]
-        return np.asarray((ends[0] - ends[1]) / (2.0 * _SMALL * size))
+        return np.asarray((ends[0] - ends[1]) / (2.0 * TOLERANCE * size))
 
     across = np.linalg.svd(at[None])[2][1:]
     ways, bends = [gradient(at)], []
@@ -152,6 +149,6 @@ def _gradients(
         turned = float(np.linalg.norm(ends[0] - ends[1]))
         if turned > _BENT:
             ways = [*ways[1:], *ends]
-        if turned > _SMALL:
+        if turned > TOLERANCE:
             bends.append(way)
     return ways, bends

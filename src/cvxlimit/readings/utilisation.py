@@ -64,11 +64,6 @@ def share_used(solution: Solution, scene: Scene, surface: str | None = None) -> 
     return found[name]
 
 
-LITTLE = 1e-2
-"""A joint that is pressed by less than this share of the largest compression carries next to
-nothing: the share of its strength in use is a quotient of two forces that do not matter."""
-
-
 def least_used_state(
     solution: Solution, scene: Scene, load_factor: float | None = None
 ) -> tuple[Solution, str]:

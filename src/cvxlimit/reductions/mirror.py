@@ -25,9 +25,10 @@ from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface
 from cvxlimit.surfaces.cones import Cone, Conic, Facets
 from cvxlimit.surfaces.coulomb import Rocking
 
-_SAME_PLACE = 1e-11
-"""Distance over the size of the scene, and difference of loads over the largest, put down to
-rounding: built-in scenes with a mirror plane, turned at random, stay below 1e-14."""
+_SAME = 1e-11
+"""Distance over the size of the scene, and difference of loads and coefficients over the largest,
+put down to rounding: built-in scenes with a mirror plane, turned at random, stay below 1e-14 and
+3e-13; a friction coefficient that was changed on purpose differs by far more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,7 @@ def find_mirror(
     free = statics.centroids[statics.row_of_block >= 0]
     size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
     for normal in _candidates(statics, free):
-        if across is not None and abs(normal @ across) > _SAME_PLACE:
+        if across is not None and abs(normal @ across) > _SAME:
             continue
         mirror = _mirror(statics, normal, free, size)
         if mirror is not None and is_invariant(
@@ -101,12 +102,12 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
     if any(_is_across(load, normal, size) for load in loads):
         return None
     offset = 2.0 * float((free @ normal).mean()) * normal
-    near = _SAME_PLACE * size
+    near = _SAME * size
     if _is_askew(free, normal, size):
         return None
     blocks = _partners(free, free @ turn + offset, near)
     if blocks is None or not all(
-        are_loads_alike(load[blocks], load @ reflection, size, _SAME_PLACE) for load in loads
+        are_loads_alike(load[blocks], load @ reflection, size, _SAME) for load in loads
     ):
         return None
     contacts = statics.contacts
@@ -115,7 +116,7 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
         return None
     local = contacts.axes[partner] @ turn @ np.swapaxes(contacts.axes, 1, 2)
     side = local[:, 2, 2]
-    if np.abs(np.abs(side) - 1.0).max() > _SAME_PLACE or not _same_blocks(
+    if np.abs(np.abs(side) - 1.0).max() > _SAME or not _same_blocks(
         statics, blocks, partner, side > 0.0
     ):
         return None
@@ -135,7 +136,7 @@ def _is_across(load: FloatArray, normal: FloatArray, size: float) -> bool:
     before partners are sought."""
     largest = np.abs(load / np.repeat([1.0, size], 3)).max(initial=0.0)
     across = abs(float(load[:, :3].sum(axis=0) @ normal))
-    return bool(across > len(load) * _SAME_PLACE * largest)
+    return bool(across > len(load) * _SAME * largest)
 
 
 def _is_askew(places: FloatArray, normal: FloatArray, size: float) -> bool:
@@ -146,7 +147,7 @@ def _is_askew(places: FloatArray, normal: FloatArray, size: float) -> bool:
     mixed = heights @ (centred - heights[:, None] * normal) / len(places)
     # partners may be off by that share of the size, in height as well as along the plane
     arm = float(np.abs(centred).max(initial=0.0))
-    return bool(np.abs(mixed).max() > 10.0 * _SAME_PLACE * size * arm)
+    return bool(np.abs(mixed).max() > 10.0 * _SAME * size * arm)
 
 
 def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:
@@ -165,11 +166,6 @@ def _same_blocks(
     a, b = number[contacts.a], number[contacts.b]
     one, other = np.where(is_kept, image[a], image[b]), np.where(is_kept, image[b], image[a])
     return bool((a[partner] == one).all() and (b[partner] == other).all())
-
-
-_SAME = 1e-11
-"""Relative difference of coefficients that is put down to rounding: those of turned scenes differ
-by up to 3e-13, a friction coefficient that was changed on purpose by far more."""
 
 
 def is_invariant(

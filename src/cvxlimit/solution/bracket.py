@@ -9,12 +9,13 @@ from typing import Self
 
 import numpy as np
 
-ROUNDING = 1e-9
-"""Relative disagreement of two bounds that is put down to rounding."""
+from cvxlimit.base.arrays import ROUNDING
 
-_NOTHING = 1e-5
-"""Lower bounds below this share of :attr:`Bracket.least` are zero but for rounding: forces count as
-balanced with residuals of 1e-11 of the loads, :attr:`Bracket.least` is a millionth of these."""
+TOLERANCE = 1e-5
+"""Default width of the bracket, relative to its upper end; what is less of a load factor is not
+worth a word. Lower bounds below this share of :attr:`Bracket.least` are zero but for rounding:
+forces count as balanced with residuals of 1e-11 of the loads, and :attr:`Bracket.least` is a
+millionth of these."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Bracket:
         """What widths are relative to: the larger bound, or :attr:`least` where zero is inside, or
         outside by no more than the residual of equilibrium that counts as rounding."""
         finite = filter(np.isfinite, (abs(self.lower), abs(self.upper)))
-        least = 0.0 if self.lower > _NOTHING * self.least else self.least
+        least = 0.0 if self.lower > TOLERANCE * self.least else self.least
         return max([*finite, least, 1e-300])
 
     @property

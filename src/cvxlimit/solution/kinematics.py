@@ -9,8 +9,9 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.lumped import SMALL
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import rounded
+from cvxlimit.solution.bracket import TOLERANCE, rounded
 
 VISIBLE = 0.01
 """Contact rates below this fraction of the largest corner speed are not counted as movement, nor
@@ -19,14 +20,6 @@ picture. The flow-rule error of a certified mechanism is orders of magnitude sma
 
 FACET_DILATION = 2.0**0.5
 """Sliding on K circumscribed facets dilates up to 1 / cos(pi / K) more than on the cone; K >= 4."""
-
-SMALL_SHARE = 0.01
-"""Share of the live power below which dilatancy is not worth a word: without it, the load factor of
-the same mechanism would be less by that share. Mechanisms that rock come out at 1e-6 and less,
-walls that slide at 0.3 and more."""
-
-_NOTHING = 1e-5
-"""Of a load factor, what is not worth a word: the bracket's width by default."""
 
 _NAMED = 5
 """Sliding joints that a sentence names; all are in :attr:`Dilatancy.sliding`."""
@@ -133,7 +126,7 @@ class Dilatancy:
         live load is carried, and by dilatancy alone.
     sliding : tuple of str
         Names of the contacts that slide or twist in the mechanism, where ``share`` is above
-        :data:`SMALL_SHARE`; else none.
+        :data:`~cvxlimit.geometry.lumped.SMALL`; else none.
     moving : int
         Contacts that open, slide or twist.
     safe : float
@@ -160,8 +153,9 @@ zero-dilatancy) answers without dilatancy
 
     @property
     def is_worth_a_word(self) -> bool:
-        """True where the load factor is on the unsafe side by more than :data:`SMALL_SHARE`."""
-        return self.share > SMALL_SHARE
+        """True where the load factor is on the unsafe side by more than is worth a word
+        (:data:`~cvxlimit.geometry.lumped.SMALL`)."""
+        return self.share > SMALL
 
     @property
     def is_all(self) -> bool:
@@ -197,7 +191,7 @@ zero-dilatancy) answers without dilatancy
     def _nearly(self) -> str:
         if self.nearly is None or self.lacks is None:
             return ""
-        short = f" (short by {100.0 * self.lacks:.1g} %)" if self.lacks > _NOTHING else ""
+        short = f" (short by {100.0 * self.lacks:.1g} %)" if self.lacks > TOLERANCE else ""
         found = rounded(self.nearly, 4)
         return f"; at a first look {found} holds without dilatancy{short}, and lower ones may exist"
 
@@ -218,7 +212,7 @@ def dilatancy_of(
     work = forces * relative
     opened, slid = work[:, 2:5].sum(axis=1), -work[:, [0, 1, 5]].sum(axis=1)
     share = float(np.maximum(np.minimum(opened, slid), 0.0).sum()) / power
-    if not share > SMALL_SHARE:
+    if not share > SMALL:
         return Dilatancy(share)
     return Dilatancy(share, *sliding_joints(scene, relative, rates))
 

@@ -18,7 +18,6 @@ from cvxlimit.base.checks import is_number, meant, ratio
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.io.results import result_to_dict
-from cvxlimit.methods.convex_search import TOLERANCE
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, check_choice
 from cvxlimit.model.assemblage import Assemblage
@@ -27,6 +26,7 @@ from cvxlimit.reductions.choice import MODELS
 from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.solvers import asked_ladder, ladder_of
 from cvxlimit.solvers.threads import one_thread
 from cvxlimit.studies.identity import digest, row_identity, surface_forms

@@ -16,18 +16,19 @@ class ProofSettings:
     # residual and excess of Eq. 9 and 30 beyond which forces are refused, and compression up to
     # which a pressure centre means nothing
     accepted: float = 1e-7
-    close: float = 1e-9  # the same, up to which forces and compressions are but rounding
     most_lost: float = 0.1  # share of the load factor that excess may be worth: else refused, too
-    # shares of a dead-load state mixed in to be strictly admissible, and the largest for close ones
+    # shares of a dead-load state mixed in to be strictly admissible, up to the usual width of a
+    # bracket where forces are close
     shares: tuple[float, ...] = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
-    most_spent: float = 1e-5
     rows: int = 4000  # contacts of mixtures that are tried at a time
     # shares of friction and size that such states may use: with little shear and central pressure
     # what is mixed in never leads outside, although Eq. 30 is not convex
     reserves: tuple[tuple[float, float], ...] = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
     margin: float = 1e-6  # of friction and size to begin with, where centres are held,
-    growth: float = 3.0  # and its growth after each attempt, of which there are so many: for all
-    attempts: tuple[int, int, int] = (5, 12, 4)  # contacts, where it did not do, by safe steps
+    growth: float = (
+        3.0  # and its growth after each attempt, as of prices of slack. So many attempts:
+    )
+    attempts: tuple[int, int, int] = (5, 12, 4)  # for all contacts, where it did not do, safe steps
     late: float = 0.05  # share of a run's time that proofs take together once that is over
     most_of_width: float = 0.1  # share of the bracket's width that a proof may cost
 
@@ -38,20 +39,14 @@ class ClimbSettings:
 
     penalty_steps: int = 4  # at most
     price: float = 0.7  # of slack at first, over the fastest twist, which is what slack is worth
-    price_growth: float = 3.0  # per step
-    bought: float = 1e-5  # slack in all, over total load x contact size, that counts as none
     long: tuple[float, ...] = (0.1, 0.1, 0.1, 0.3)  # curvature of long steps
     inward: float = 0.05  # share towards the middle: relaxations press on the rims of contacts
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)  # the same after a failure
-    lost: float = 0.1  # share of the least gain that a loose solve may cost without a tight one
     hope: float = 2.0  # times the predicted gain must reach the best bound, else it is given up
-    first_ratio: float = 0.7  # of one gain to the one before, until there are two
-    most_boxed: int = 500  # contacts up to which boxes are tried unasked
     # prices of slack, scaled, where forces are sought that carry a load alone, the last one until
     # little of it is left; None: a safe step
     prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, 1000.0, 1000.0, None)
     first: float = 0.8  # half width of boxes about given pressure centres
-    largest: float = 2.0  # the whole contact from wherever the centre is
     exploring: int = 8  # boxes that may grow
     settling: int = 12  # boxes that only shrink
     limited: tuple[int, int] = (4, 4)  # both with Eq. 27, where safe steps gain more per second
@@ -59,7 +54,6 @@ class ClimbSettings:
     shrink: float = 0.8  # factor where forces exceed Eq. 30, while exploring
     growth: float = 1.5  # factor where they do not
     settle: float = 0.6  # factor of all others
-    over: float = 1e-6  # excess from which a box is too large: what leading solvers leave
     nearly: float = 3e-2  # excess of all contacts from which frozen problems follow
     settled: float = 1e-2  # the same from which steps follow
     frozen: float = 5e-3  # and on contacts that are not rectangles frozen problems,
@@ -91,11 +85,9 @@ class BranchSettings:
     at_a_time: int = 200  # contacts of the nodes that are explored together, one node at least
     kept: int = 5000  # pieces of problems: 0.01 MB each
     remembered: int = 1000  # open nodes with points for their parts to start from: 0.1 MB each
-    tilt: float = 1e-6  # share of the node's mechanism in its proofs, which may do no live work
     price: float = 10.0  # of the dead load over root bounds: closes nodes without states
     climbing: float = 0.14  # share of problems that search for forces from open nodes,
-    climb_solves: int = 24  # each so many at most,
-    # from so far on the way there from the best, in boxes of such half widths at first,
+    # each so far on the way there from the best, in boxes of such half widths at first,
     ahead: tuple[tuple[float, float], ...] = ((1.0, 0.5), (0.5, 0.3), (0.25, 0.5))
     patience: float = 10.0  # and half of it after so many in vain
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
@@ -127,8 +119,8 @@ class BracketSettings:
     relaxations: float = 12.0  # or so many times those of the first relaxation
     standing: float = 0.2  # share of it that may go into whether the dead load stands
     branching: float = 60.0  # seconds of branching with a tolerance, or on few contacts,
-    idle: float = 10.0  # until so many, or a third of all, gain less than 1 % of the gap,
-    least_nodes: int = 30  # but not before so many nodes, however slow the machine
+    least_nodes: int = 30  # until ``budget`` seconds, or a third of all, gain less than 1 % of the
+    # gap, but not before so many nodes, however slow the machine
 
 
 PROOF, CLIMB = ProofSettings(), ClimbSettings()

@@ -9,6 +9,7 @@ from cvxlimit.plotting.annotations import Marking
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.movement import free_size, motion, still
 from cvxlimit.plotting.registry import picture
+from cvxlimit.readings.sensitivity import NOTHING
 from cvxlimit.solution import Solution
 
 _LONGEST = 0.12
@@ -44,7 +45,7 @@ def sensitivity(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     ends = np.stack([centres, centres + _LONGEST * free_size(scene) / most * moves[drawn]], axis=1)
     by_friction = np.abs(found.friction) * scene.contacts.friction / abs(found.factor or 1.0)
     largest = float(by_friction.max(initial=0.0))
-    counts = (by_friction > look.SLOW * largest) & (largest > look.NOTHING)
+    counts = (by_friction > look.SLOW * largest) & (largest > NOTHING)
     widths = look.THINNEST + (1.0 - look.THINNEST) * by_friction / (largest or 1.0)
     text = f"joint whose friction counts: {largest:.2g} % per 1 % at most"
     said = (

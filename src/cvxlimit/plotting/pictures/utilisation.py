@@ -8,11 +8,12 @@ from typing import Literal
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.geometry.lumped import SMALL
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest
 from cvxlimit.plotting.look import USE_STOPS, USE_TEXT, used_colour
 from cvxlimit.plotting.registry import picture
-from cvxlimit.readings.utilisation import LITTLE, forces_of, least_used_state, share_used
+from cvxlimit.readings.utilisation import forces_of, least_used_state, share_used
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -80,11 +81,11 @@ def utilisation(
 def used_shares(solution: Solution, scene: Scene, surface: str | None = None) -> FloatArray:
     """Shares (n,) in use, NaN where a joint carries next to nothing."""
     used, normal = share_used(solution, scene, surface), forces_of(scene, solution)[:, 2]
-    return np.where(np.abs(normal) < LITTLE * np.abs(normal).max(initial=0.0), np.nan, used)
+    return np.where(np.abs(normal) < SMALL * np.abs(normal).max(initial=0.0), np.nan, used)
 
 
 def idle_keys(used: FloatArray) -> list[tuple[str, str]]:
-    text = f"joint with less than {100 * LITTLE:g} % of the largest compression"
+    text = f"joint with less than {100 * SMALL:g} % of the largest compression"
     return [(IDLE_COLOUR, text)] if np.isnan(used).any() else []
 
 

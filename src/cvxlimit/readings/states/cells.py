@@ -13,7 +13,7 @@ from itertools import combinations, combinations_with_replacement, pairwise, pro
 
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import clipped, effective_regions, mean_distance_on_segment
 from cvxlimit.readings.settings import SUPPORT
@@ -225,7 +225,7 @@ def _in_boxes(parts: FloatArray, boxes: FloatArray) -> list[FloatArray]:
 
 
 def _ticks(low: float, high: float, extent: float) -> FloatArray:
-    count = max(2, int(np.ceil(SUPPORT.cells * (high - low) / extent - SUPPORT.rounding)))
+    count = max(2, int(np.ceil(SUPPORT.cells * (high - low) / extent - ROUNDING)))
     ticks = np.linspace(low, high, count + 1)
     return np.union1d(ticks, [0.0]) if low < 0.0 < high else ticks
 
@@ -254,7 +254,7 @@ class ArmBounds:
         self.offsets = (self.normals @ polygon.T).max(axis=1)
         every = np.array(list(combinations(range(len(turned)), 2)))
         rows = self.normals[every]
-        crossing = np.abs(np.linalg.det(rows)) > SUPPORT.rounding
+        crossing = np.abs(np.linalg.det(rows)) > ROUNDING
         self.pairs, self.edges = every[crossing], np.linalg.inv(rows[crossing]).swapaxes(1, 2)
 
     def widths(self, centres: FloatArray) -> FloatArray:
@@ -273,7 +273,7 @@ class ArmBounds:
             [self._by_parallelograms(corners), self._by_radii(corners)[:, None]], axis=1
         )
         best = _least_of(found)
-        far = (best - arm).max(axis=1) > SUPPORT.rounding * self.size
+        far = (best - arm).max(axis=1) > ROUNDING * self.size
         if far.any():
             margin = self._margin(
                 self._sectors(regions, places, widths, areas),
@@ -283,7 +283,7 @@ class ArmBounds:
                 arm[far],
             )
             best[far] = _least_of(np.stack([best[far], arm[far] + margin[:, None]], axis=1))
-        return best + SUPPORT.rounding * self.size
+        return best + ROUNDING * self.size
 
     def _by_parallelograms(self, widths: FloatArray) -> FloatArray:
         """Of widths (p, 3, edges) (p, pairs, 3), infinite where they are no bound."""
@@ -305,7 +305,7 @@ class ArmBounds:
         most = widths.max(axis=1)
         half = most[:, self.pairs][..., None] * self.edges
         corners = np.concatenate([half.sum(axis=2), half[:, :, 0] - half[:, :, 1]], axis=1)
-        reach = most[:, None] + SUPPORT.rounding * self.size
+        reach = most[:, None] + ROUNDING * self.size
         inside = (np.abs(corners @ self.normals.T) <= reach).all(axis=2)
         radius = np.where(inside, np.linalg.norm(corners, axis=2), 0.0).max(axis=1, initial=0.0)
         return np.repeat(2.0 / 3.0 * radius[:, None], 3, axis=1)
@@ -347,7 +347,7 @@ class ArmBounds:
         doubled = np.abs(corners[..., 0] * ahead[..., 1] - corners[..., 1] * ahead[..., 0])
         moments = doubled / 3.0 * mean_distance_on_segment(corners, ahead)
         there = np.take_along_axis(widths, slab, axis=1)
-        is_e0 = areas > SUPPORT.rounding * self.size**2
+        is_e0 = areas > ROUNDING * self.size**2
         is_used = is_e0[:, None] & (moments > 0.0)  # not a corner repeated
         return slab, np.where(is_used, there, 1.0), moments, is_e0
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.readings.settings import SUPPORT
 from cvxlimit.readings.states.pressure import own_arm, polygon_arms
 from cvxlimit.readings.states.support import (
     box_corners,
@@ -120,12 +119,12 @@ def disjunct_arms(disjuncts: Disjuncts, contacts: Contacts) -> FloatArray:
     k = np.flatnonzero(~contacts.is_rectangle[disjuncts.contact] & ~given)
     arm[k] = polygon_arms(contacts, disjuncts.contact[k], half[k] * disjuncts.centre[k])
     own = np.where(disjuncts.signed, np.inf, own_arm(contacts)[disjuncts.contact])
-    least = 4.0 * SUPPORT.rounding * half.max(axis=1)  # bounds have a margin even in corners
+    least = 4.0 * ROUNDING * half.max(axis=1)  # bounds have a margin even in corners
     return np.where(arm > least, np.minimum(arm, own), 0.0)
 
 
 def sheared(disjuncts: Disjuncts, arm: FloatArray) -> BoolArray:
     """Along which axes (k, 2) disjuncts shear. With unsigned torsion and no arm that is the one on
     which they press, as in a polygon's corner: eps2 abs(V1) + eps1 abs(V2) + abs(MT) <= 0."""
-    is_on_axis = np.abs(disjuncts.centre) + disjuncts.spread <= SUPPORT.rounding
+    is_on_axis = np.abs(disjuncts.centre) + disjuncts.spread <= ROUNDING
     return np.asarray((disjuncts.signed | (arm > 0.0))[:, None] | is_on_axis[:, ::-1])

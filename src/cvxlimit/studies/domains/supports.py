@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import EPSILON, FloatArray
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Run, packed
@@ -34,9 +34,6 @@ from cvxlimit.studies.domains.images import LoadMirror, Raw, load_mirrors
 from cvxlimit.studies.domains.polytopes import FLAT
 from cvxlimit.surfaces.base import times
 from cvxlimit.surfaces.coulomb import needed_surfaces
-
-_EPSILON = 8.0 * float(np.finfo(float).eps)
-"""Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
 _MOST_SOLVERS = 3
 """Solvers of the ladder that one question may take."""
@@ -365,7 +362,7 @@ class Structure:
             return np.zeros(len(self.units)), -1.0, True  # nothing at all is carried
         if not (np.isfinite(offset) and length > 1e-9 * rounding):
             return none
-        offset += _EPSILON * rounding
+        offset += EPSILON * rounding
         if not opened.is_allowed:
             largest = float(np.abs(raw.forces).max(initial=0.0))
             acting = float(np.abs(self.dead + self.forces @ raw.factors).sum())

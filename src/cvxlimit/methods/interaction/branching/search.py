@@ -206,7 +206,7 @@ class BranchAndBound:
         """What leads on differs from scene to scene: steps, or boxes that shrink, from a node's
         forces or on a share of the way there from the best."""
         ways: list[tuple[Callable[[FloatArray], Iterator[object]], float]] = []
-        every = InnerMethod(self.run, BRANCH.climb_solves)
+        every = InnerMethod(self.run)
         for share, first in BRANCH.ahead:
             inner = every.within(first)
             ways.append((inner.iterates, share))

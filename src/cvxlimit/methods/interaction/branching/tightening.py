@@ -17,7 +17,7 @@ from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, R
 from cvxlimit.methods.interaction.relaxation.column_blocks import ColumnBlock, Columns, stacked
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem, LoadBlock
 from cvxlimit.methods.interaction.relaxation.upper import priced_disjuncts
-from cvxlimit.methods.interaction.settings import BRANCH
+from cvxlimit.methods.interaction.settings import BRANCH, PROOF
 from cvxlimit.model.sinks import Rows
 from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.readings.states.pressure import centres
@@ -101,7 +101,8 @@ class _Tightening:
         flow = relaxer.flow.within(slab, goal.precision)
         certifier = relaxer.certifier.with_flow(flow)
         assert node.mechanism is not None
-        tilt = BRANCH.tilt * np.abs(mechanism).max() / np.abs(node.mechanism).max()
+        # the node's mechanism in its proofs, which may do no live work by itself
+        tilt = PROOF.margin * np.abs(mechanism).max() / np.abs(node.mechanism).max()
         rates = mechanism + tilt * node.mechanism
         bound = certifier.certificate(node.forces, None, rates).upper
         if bound <= goal.cut + 0.1 * goal.width:

@@ -22,6 +22,11 @@ from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.readings.states.majorants import Point
 from cvxlimit.readings.states.pressure import centres
 from cvxlimit.readings.states.support import whole_boxes
+from cvxlimit.solution.bracket import TOLERANCE
+from cvxlimit.solvers.ladders import NUMBERS
+
+WHOLE = 2.0
+"""Half width of a box that is the whole contact, from wherever in it the pressure acts."""
 
 
 class Boxes:
@@ -42,7 +47,7 @@ class Boxes:
         first: float = CLIMB.first,
     ) -> None:
         self.contacts, self.moments, self.force = contacts, moments, force
-        self.size = np.full(len(contacts), CLIMB.largest if forces is None else first)
+        self.size = np.full(len(contacts), WHOLE if forces is None else first)
         self.centre = np.zeros((len(contacts), 2))
         self.excess = self.largest = np.inf
         if forces is not None:
@@ -59,8 +64,8 @@ class Boxes:
         self.excess, self.largest = float(over.sum()), float(over.max())
         self._move(forces)
         shrink, growth = (CLIMB.shrink, CLIMB.growth) if exploring else (CLIMB.settle, 1.0)
-        factor = np.where(over > CLIMB.over, shrink, growth)
-        self.size = np.minimum(factor * self.size, CLIMB.largest)
+        factor = np.where(over > NUMBERS.leading, shrink, growth)
+        self.size = np.minimum(factor * self.size, WHOLE)
 
     def _move(self, forces: FloatArray) -> None:
         pressed = forces[:, [COLUMN["N"]]] > PROOF.accepted * self.force  # idle ones keep theirs
@@ -92,7 +97,7 @@ class InnerMethod(SafeProblems):
         every, count = self.moments.starts, len(self.run.contacts)
         if self.has_others and count > BRACKET.few:
             return tuple(dict.fromkeys(("boxes", *every)))
-        return tuple(s for s in every if s != "boxes" or count <= CLIMB.most_boxed)
+        return tuple(s for s in every if s != "boxes" or count <= NUMBERS.leads_from)
 
     def begun(self, start: str, relaxed: FloatArray | None) -> Iterator[InnerIterate]:
         """The search from one of the ``starts``; ``relaxed`` are a relaxation's forces."""
@@ -297,16 +302,18 @@ class InnerMethod(SafeProblems):
             if iterate.state.forces is None:
                 break
             point = self.point(iterate.state.forces, point)
-            if iterate.slack <= CLIMB.bought:
+            if iterate.slack <= TOLERANCE:
                 break
             stuck = number > 0 and iterate.slack > 0.5 * last
-            price *= CLIMB.price_growth * (10.0 if stuck else 1.0)
+            price *= PROOF.growth * (10.0 if stuck else 1.0)
             last = iterate.slack
         yield from self.improve(point)
 
 
 def _predicted(gains: Sequence[float]) -> float:
     before, last = gains[-2], max(gains[-1], 0.0)
-    ratio = last / before if 0.0 < before < np.inf else CLIMB.first_ratio
-    ratio = min(max(ratio, 0.0), 1.0)
-    return np.inf if ratio >= 1.0 or not np.isfinite(last) else last * ratio / (1.0 - ratio)
+    if not 0.0 < before < np.inf:
+        before = 2.0 * last  # nothing to go by: as if gains were halved each time
+    if not last < before < np.inf:
+        return 0.0 if last == 0.0 else np.inf
+    return last**2 / (before - last)  # the sum of a geometric series

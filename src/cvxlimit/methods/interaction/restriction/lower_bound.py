@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.driver import Run
@@ -29,7 +29,7 @@ from cvxlimit.readings.states.majorants import Point
 from cvxlimit.readings.states.pressure import centres
 from cvxlimit.readings.states.support import half_extent
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.bracket import TOLERANCE, Bracket
 from cvxlimit.solvers import LimitState, default_ladder, tight_ladder
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
@@ -80,8 +80,8 @@ class LowerBounds:
         plain = self.checked(balanced, load_factor)
         if plain.is_proved or not np.isfinite(plain.excess):
             return plain
-        is_close = plain.is_accepted and max(plain.excess, plain.residual) <= PROOF.close
-        most = PROOF.most_spent if is_close else PROOF.shares[-1]
+        is_close = plain.is_accepted and max(plain.excess, plain.residual) <= ROUNDING
+        most = TOLERANCE if is_close else PROOF.shares[-1]
         shares = [share for share in PROOF.shares if share <= most]
         for share, reserve in self._admissible(balanced, shares):
             mixed = (1.0 - share) * balanced + share * reserve
@@ -145,7 +145,7 @@ class LowerBounds:
     def is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
         """Equilibrium, rocking and Eq. 30, but for rounding of the total load."""
         bound = self.checked(forces, load_factor)
-        return max(bound.excess, bound.residual) <= PROOF.close
+        return max(bound.excess, bound.residual) <= ROUNDING
 
     def balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
         return self.assemblage.balance.balanced(forces, load_factor, self.statics)
@@ -227,7 +227,7 @@ def prove(run: Run, end: float = np.inf, asked: float = 0.0) -> None:
         return
     width = best.bracket.width
     within = min(PROOF.most_of_width * asked, asked - width)
-    spare = max(PROOF.most_of_width * width, PROOF.most_spent, within) * best.bracket.unit
+    spare = max(PROOF.most_of_width * width, TOLERANCE, within) * best.bracket.unit
     least = best.bracket.lower - spare
     if sure is not None and sure.bracket.lower < least:
         sure = None
@@ -288,7 +288,7 @@ def _proof(
 ) -> LowerBound | None:
     contacts, extent = run.contacts, half_extent(run.contacts)
     centre = centres(forces, contacts, 1.0 - margin)
-    is_idle = forces[:, COLUMN["N"]] <= PROOF.close * run.scaling.force
+    is_idle = forces[:, COLUMN["N"]] <= ROUNDING * run.scaling.force
     disjuncts = run.moments.safe_disjuncts(contacts, centre).without(np.flatnonzero(is_idle))
     state = HullProblem(_slippery(run, margin)).solve(disjuncts, tight_ladder()[0])
     if state.forces is None or state.load_factor is None:

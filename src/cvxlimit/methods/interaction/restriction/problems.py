@@ -23,7 +23,7 @@ from cvxlimit.methods.interaction.relaxation.column_blocks import Halfway
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.methods.interaction.restriction.steps import SafeStep, StepState
-from cvxlimit.methods.interaction.settings import CLIMB, PROOF
+from cvxlimit.methods.interaction.settings import PROOF
 from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.states.disjuncts import Disjuncts
@@ -169,7 +169,7 @@ class SafeProblems:
             return
         iterate, solver = self._last
         factor = iterate.load_factor
-        if factor - iterate.lower > CLIMB.lost * self.gain * abs(factor):
+        if factor - iterate.lower > PROOF.most_of_width * self.gain * abs(factor):
             yield self.solved(iterate.kind, solver, self.tight)
 
     def solved(self, kind: str, solver: Solver, ladder: Sequence[SolverSettings]) -> InnerIterate:
