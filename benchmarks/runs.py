@@ -69,18 +69,6 @@ class Limits:
     memory: float | None = 12.0
     threads: int | None = 1
 
-    def __post_init__(self) -> None:
-        for name in ("seconds", "memory"):
-            value = getattr(self, name)
-            good = isinstance(value, (int, float)) and value > 0.0
-            if not good and (name == "seconds" or value is not None):
-                raise ModelError(f"{name} of a run must be a number above 0, got {value!r}")
-        whole = isinstance(self.threads, int) and not isinstance(self.threads, bool)
-        if self.threads is not None and not (whole and self.threads > 0):
-            raise ModelError(
-                f"threads must be a whole number above 0 or None, got {self.threads!r}"
-            )
-
 
 class Stopped(Exception):  # noqa: N818 - its text is a reason
     """A run that was stopped, crashed or raised; the text says why."""

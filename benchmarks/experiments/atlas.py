@@ -6,7 +6,7 @@ Rows are kept in ``benchmarks/results/stability``, and what stands there is not 
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from statistics import median
@@ -66,18 +66,16 @@ def of_default(rows: Sequence[Row]) -> Lines:
 
 def by_family(rows: Sequence[Row]) -> Lines:
     """The default, family by family."""
-    yield Head("family", "what is hard", "scenes", "right", "no answer, proved", "honest failure",
-               "wrong", "both bounds proved", "contacts", "ms of CPU, median")  # fmt: skip
+    yield Head("family", "what is hard", "scenes", "right", "no answer, proved",
+               "both bounds proved", "ms of CPU, median")  # fmt: skip
     for name, family in FAMILIES.items():
         mine = [row for row in rows if row["family"] == name]
         bounds = [row for row in mine if row["outcome"] == Outcome.RIGHT]
-        counts = [row["contacts"] for row in mine if "contacts" in row]
         proved = f"{sum(r['proved'] for r in bounds)} of {len(bounds)}" if bounds else "-"
         times = [1000 * row["seconds"] for row in mine if "seconds" in row]
         if times:
-            classes = [_of(mine, o) or "" for o in (*_GOOD, Outcome.HONEST)]
-            yield (name, family.what, len(mine), *classes, _of(mine, Outcome.WRONG), proved,
-                   f"{min(counts)}-{max(counts)}", f"{median(times):.0f}")  # fmt: skip
+            classes = [_of(mine, o) or "" for o in _GOOD]
+            yield name, family.what, len(mine), *classes, proved, f"{median(times):.0f}"
 
 
 def honest(rows: Sequence[Row]) -> Lines:
@@ -101,20 +99,15 @@ def of_methods(rows: Sequence[Row]) -> Lines:
         yield said, f"{len(mine):,}", _of(mine, Outcome.WRONG)
 
 
-def grouped(name: str) -> Callable[[Sequence[Row]], Lines]:
-    """A table with a row for every method or model."""
-
-    def table(rows: Sequence[Row]) -> Lines:
-        groups: dict[str, list[Row]] = defaultdict(list)
-        for row in rows:
-            groups[row[name]].append(row)
-        yield Head(name, "scenes", *Outcome, "ms of CPU, median")
-        for key, mine in groups.items():
-            said = pictures.labelled(key) if name == "method" else key
-            middle = f"{1000 * median(r['seconds'] for r in mine):.0f}"
-            yield said, len(mine), *(_of(mine, o) or "" for o in Outcome), middle
-
-    return table
+def by_model(rows: Sequence[Row]) -> Lines:
+    """A row for every model."""
+    groups: dict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        groups[row["model"]].append(row)
+    yield Head("model", "scenes", *Outcome, "ms of CPU, median")
+    for name, mine in groups.items():
+        middle = f"{1000 * median(r['seconds'] for r in mine):.0f}"
+        yield name, len(mine), *(_of(mine, o) or "" for o in Outcome), middle
 
 
 def worst(rows: Sequence[Row]) -> Lines:
@@ -143,31 +136,6 @@ def of_certified(rows: Sequence[Row]) -> Lines:
     )  # fmt: skip
 
 
-def certified_families(rows: Sequence[Row]) -> Lines:
-    """Brackets with interaction, family by family, both readings."""
-    yield Head("family", "brackets", *Outcome, "width, median", "widest")
-    for name in FAMILIES:
-        mine = [row for row in rows if row["family"] == name]
-        gaps = sorted(row["gap"] for row in mine if row.get("gap") is not None)
-        if mine:
-            middle = f"{100 * median(gaps):.2g} %" if gaps else "-"
-            most = f"{100 * gaps[-1]:.2g} %" if gaps else "-"
-            yield name, len(mine), *(_of(mine, o) or "" for o in Outcome), middle, most
-
-
-def endings(rows: Sequence[Row]) -> Lines:
-    """The fixed point, weight by weight and reading by reading: how many iterations ended how."""
-    known = ("converged", "cycling", "not converged", "diverged")
-    yield Head("moments", "weight of the old forces", "scenes", "converged", "cycling", "wandering",
-               "diverged")  # fmt: skip
-    for reading in dict.fromkeys(row["moments"] for row in rows):
-        for weight in sorted({row["weight"] for row in rows}):
-            mine = [r for r in rows if r["moments"] == reading and r["weight"] == weight
-                    and r.get("first") is not None]  # fmt: skip
-            ends = Counter(row["ending"] for row in mine)
-            yield reading, f"{weight:g}", len(mine), *(ends[e] or "" for e in known)
-
-
 def of_models(rows: Sequence[Row]) -> Lines:
     """Sums of the study of models: pairs of which one allows what the other does."""
     scenes: dict[tuple[str, int], dict[str, Row]] = defaultdict(dict)
@@ -186,9 +154,8 @@ def of_models(rows: Sequence[Row]) -> Lines:
 
 TABLES: dict[str, dict[str, Callable[[Sequence[Row]], Lines]]] = {
     "default": {"default": of_default, "families": by_family, "open": honest},
-    "certified": {"certified": of_certified, "certified families": certified_families},
-    "methods": {"believed": of_methods, "methods": grouped("method"), "wrong": worst},
-    "models": {"pairs": of_models, "models": grouped("model")},
-    "fixed-point": {"fixed point": endings},
+    "certified": {"certified": of_certified},
+    "methods": {"believed": of_methods, "wrong": worst},
+    "models": {"pairs": of_models, "models": by_model},
 }
 """Of every study, by their headings."""

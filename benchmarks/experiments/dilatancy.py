@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from benchmarks.experiment import Head, Lines, Part, Title, experiment
-from cvxlimit import Block, Load, Scene, Solution, Status, builtin_scene, solve
-from cvxlimit.masonry import random_wall, running_bond, wall
+from cvxlimit import Block, Load, Scene, Solution, builtin_scene, solve
+from cvxlimit.masonry import running_bond, wall
 from cvxlimit.methods.dilatancy.gilbert import Gilbert
 from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.dilatancy.lifted import Lifted, lifted_bound
@@ -18,11 +18,6 @@ from cvxlimit.methods.driver import Run
 PLANE = ("ferris-tin-loi-1", "ferris-tin-loi-2", "ferris-tin-loi-3")
 
 SPACE = ("tuff-wall", "barrel-vault", "dome", "facade", "house-corner", "s12-panel")
-
-SAME = 1e-4
-"""Relative spread of members below which an answer counts as unique: in space their residuals move
-load factors by up to about that."""
-
 
 Found = TypeVar("Found")
 
@@ -66,28 +61,6 @@ def space(scenes: Sequence[str], starts: int) -> Lines:
     yield HEAD
     for name in scenes or SPACE:
         yield row(builtin_scene(name), ZeroDilatancy(starts=starts, tolerance=1e-4, descents=0))
-
-
-def unique(number: int, starts: int) -> Lines:
-    """Counts over so many random walls."""
-    rule = ZeroDilatancy(tolerance=1e-5, starts=starts)
-    counts = {"one answer": 0, "several": 0, "none found": 0, "no associated answer": 0}
-    widest = 0.0
-    for seed in range(number):
-        scene = random_wall(seed)
-        if not solve(scene).status.has_answer:
-            counts["no associated answer"] += 1
-            continue
-        found = solve(scene, method=rule)
-        if found.status is not Status.CONVERGED:
-            counts["none found"] += 1
-            continue
-        low, high = found.members[0].load_factor, found.members[-1].load_factor
-        spread = (high - low) / max(abs(high), abs(low))
-        widest = max(widest, spread)
-        counts["one answer" if spread <= SAME else "several"] += 1
-    yield Head(*counts, "widest spread")
-    yield *counts.values(), f"{widest:.3f}"
 
 
 def gilbert(scenes: Sequence[str]) -> Lines:
@@ -176,18 +149,14 @@ def below(starts: int) -> Lines:
 @experiment(
     Part(1, "--table walls", "dilatancy-walls"),
     Part(6, "--table space", "dilatancy-space"),
-    Part(2, "--table unique --number 30", "dilatancy-unique"),
     Part(1, "--table gilbert", "gilbert"),
     Part(2, "--table below", "dilatancy-below"),
 )
-def dilatancy(
-    table: str = "walls", scenes: Sequence[str] = (), starts: int = 4, number: int = 50
-) -> Lines:
-    """Without dilatancy: walls (Ferris & Tin-Loi), space, unique (random walls), gilbert, below."""
+def dilatancy(table: str = "walls", scenes: Sequence[str] = (), starts: int = 4) -> Lines:
+    """Without dilatancy: walls (Ferris & Tin-Loi), space, gilbert, below."""
     tables: dict[str, Callable[[], Lines]] = {
         "walls": lambda: walls(scenes, starts),
         "space": lambda: space(scenes, starts),
-        "unique": lambda: unique(number, starts),
         "gilbert": lambda: gilbert(scenes),
         "below": lambda: below(starts),
     }

@@ -1,8 +1,8 @@
 """The interior point for contacts beside Clarabel and QOCO: CPU milliseconds, cold and warm.
 
-Medians; methods in turns; our own as one compiled call for small programs, in compiled parts, and
-as it runs without a C compiler. Cold: the limit problem, by tolerance. Warm: the same with friction
-1 % higher, from a point on the way to the first answer (``middle``). Times are the solver's alone.
+Medians; methods in turns; our own as one compiled call for small programs, and in compiled parts.
+Cold: the limit problem, by tolerance. Warm: the same with friction 1 % higher, from a point on the
+way to the first answer (``middle``). Times are the solver's alone.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from statistics import median
-from unittest.mock import patch
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +21,6 @@ from benchmarks.experiment import Head, Lines, Part, experiment
 from cvxlimit import Scene, builtin_scene
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import Blockwise, settings_for
-from cvxlimit.solvers.interior import compiled
 from cvxlimit.solvers.interior.iteration import InteriorPoint, Point, Result
 from cvxlimit.solvers.interior.whole import small_program
 from cvxlimit.surfaces.coulomb import surfaces_of
@@ -31,9 +29,9 @@ SCENES = (
     "tuff-wall", "tuff-wall:octagon", "arch", "dome", "facade", "s12-panel", "s12-panel:octagon",
     "s10-panel",
 )  # fmt: skip
-TOLERANCES = (1e-4, 1e-6, 1e-8)
-WAYS = {"whole": "", "compiled": "supernodal", "NumPy": "superlu"}
-"""Ways to run our own, with their factorisations: ``whole`` is one compiled call."""
+TOLERANCES = (1e-6, 1e-8)
+WAYS = ("whole", "compiled")
+"""Ways to run our own: ``whole`` is one compiled call."""
 
 OTHERS = (("CLARABEL", 1e-8), ("QOCO", 1e-8), ("QOCO", 1e-6))
 COLUMNS = tuple(f"{tolerance:g}{warm}" for tolerance in TOLERANCES for warm in ("", " warm"))
@@ -53,25 +51,16 @@ def program_of(scene: Scene, surface: str) -> Program:
     return c, sp.csc_array(data["A"]), b, (dims.zero, dims.nonneg, list(dims.soc))
 
 
-def arrays(scene: Scene, surface: str, way: str) -> Callable[[], InteriorPoint]:
-    """What sets up the engine for a limit problem."""
-    c, matrix, b, cones = program_of(scene, surface)
-    rows, extension = sp.csr_array(matrix), None if way == "NumPy" else compiled.BATCH
-
-    def setup() -> InteriorPoint:
-        with patch.object(compiled, "BATCH", extension):
-            return InteriorPoint(c, rows, b, *cones, WAYS[way])
-
-    return setup
-
-
 def own(scene: Scene, surface: str, way: str) -> Run:
     """The engine on a limit problem, set up and run."""
-    if way != "whole":
-        setup = arrays(scene, surface, way)
-        return lambda tolerance, start: setup().minimise(tolerance, 100, [start] if start else [])
     given = program_of(scene, surface)
-    return lambda tolerance, start: small_program(*given, tolerance, 100, start=start)
+    if way == "whole":
+        return lambda tolerance, start: small_program(*given, tolerance, 100, start=start)
+    c, matrix, b, cones = given
+    rows = sp.csr_array(matrix)
+    return lambda tolerance, start: InteriorPoint(c, rows, b, *cones, "supernodal").minimise(
+        tolerance, 100, [start] if start else []
+    )
 
 
 def others(scene: Scene, surface: str) -> dict[str, Callable[[], object]]:

@@ -11,7 +11,6 @@ import numpy as np
 from benchmarks.rows import Row, Rows
 from benchmarks.stability import interacting
 from benchmarks.stability.families import Sample, key_of, sample, samples
-from benchmarks.stability.fixed_points import ask_fixed_point
 from benchmarks.stability.methods import methods
 from benchmarks.stability.models import ask_models
 from benchmarks.stability.outcomes import (
@@ -201,6 +200,5 @@ STUDIES: dict[str, tuple[Ask, float]] = {
     "certified": (ask_certified, 0.03),
     "methods": (ask_methods, 0.04),
     "models": (ask_models, 0.02),
-    "fixed-point": (ask_fixed_point, 0.024),
 }
 """All studies by name, and the share of ``--size`` scenes that each of them takes."""

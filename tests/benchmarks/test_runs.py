@@ -83,19 +83,6 @@ def test_memory_of_a_run_is_its_own():
     assert found.memory is None or 20.0 < found.memory < 1e4
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Limits(seconds=-1), "seconds of a run must be a number above 0, got -1"),
-        (lambda: Limits(memory=0.0), "memory of a run must be a number above 0, got 0.0"),
-        (lambda: Limits(threads=0), "threads must be a whole number above 0 or None, got 0"),
-    ],
-)
-def test_refused_before_anything_runs(make, message):
-    with pytest.raises(ModelError, match=message):
-        make()
-
-
 def test_what_cannot_be_sent_is_refused_by_name():
     model = Model("mine", formulation=partial(resultants, lock=threading.Lock()))
     with pytest.raises(ModelError, match="'mine' cannot be sent"):

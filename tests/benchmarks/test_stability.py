@@ -14,7 +14,6 @@ from benchmarks.rows import Rows
 from benchmarks.stability import interacting, models, pictures
 from benchmarks.stability.families import FAMILIES, sample, samples
 from benchmarks.stability.families.sample import FALLS, HARMLESS
-from benchmarks.stability.fixed_points import period
 from benchmarks.stability.methods import believed, literal_problem, methods
 from benchmarks.stability.outcomes import (
     Claim,
@@ -318,8 +317,6 @@ def test_a_study_goes_on_where_it_stopped(
     assert {row["outcome"] for row in rows} <= {Outcome.RIGHT, Outcome.NO_ANSWER}
     some = methods()[::9]
     monkeypatch.setattr("benchmarks.stability.studies.methods", lambda: some)
-    monkeypatch.setattr("benchmarks.stability.fixed_points.SETTLING", ("stacks",))
-    monkeypatch.setattr("benchmarks.stability.fixed_points.WEIGHTS", (0.8,))
     monkeypatch.setattr("benchmarks.stability.models.MODELS", models.MODELS[:2])
     others = [name for name in STUDIES if name != "default"]
     atlas(["--studies", *others, "--size", "1", *where])
@@ -328,20 +325,6 @@ def test_a_study_goes_on_where_it_stopped(
     assert "### default\n| scenes |" in (shown := capsys.readouterr().out)
     assert "| 7 | " in shown
     assert {path.name for path in tmp_path.glob("*.png")} == {*pictures.PICTURES}
-
-
-@pytest.mark.parametrize("wrong", [[], ["walls"], ["walls", "domes"]])
-def test_the_map_of_wrong_answers_shows_who_believed_them(wrong: list[str]) -> None:
-    """Families with a wrong answer; where none is wrong all that were asked, in white."""
-    asked = ["walls", "arches", "domes"]
-    outcomes = {of: Outcome.WRONG if of in wrong else Outcome.RIGHT for of in asked}
-    rows = [
-        {"family": of, "method": "raw/octagon/CLARABEL", "outcome": outcome}
-        for of, outcome in outcomes.items()
-    ]
-    [axes] = pictures.map_of_wrong(rows).axes
-    assert [label.get_text() for label in axes.get_yticklabels()] == (wrong or asked)
-    assert [text.get_text() for text in axes.texts] == ["1/1"] * len(wrong)
 
 
 # --- models against each other --------------------------------------------------------------------
@@ -386,11 +369,6 @@ def test_what_forces_leave_of_equilibrium_and_yield() -> None:
     assert models.leftover(scene, solution.forces, 1.1 * solution.load_factor) > 1e-2
     assert models.leftover(scene, 1.1 * solution.forces, solution.load_factor) > 1e-2
     assert models.leftover(scene.with_friction(0.25), solution.forces, solution.load_factor) > 1e-2
-
-
-def test_periods_of_cycles() -> None:
-    assert period([0.9, 0.1, 0.3, 0.5, 0.1, 0.3, 0.5]) == 3
-    assert period([0.9, 0.8, 0.7, 0.6]) is None
 
 
 def test_a_line_of_forces_holds_the_forces_of_a_solution() -> None:
