@@ -3,10 +3,9 @@
 The problem is a limit problem in shape, written in plain CVXPY: blocks in a strip, contacts
 between them with a normal force, two shears and a torsion moment each, six equations per block,
 friction as a Parameter with an entry per contact. With three vectors (``888x3``) strengths of
-torsion and of compression are Parameters too. Every case runs in a process of its own, which tells
-milliseconds of CPU of the first compile and of the next ones (medians of five), those of the first
-solve and of the next ones without compiling, and the megabytes that compiling took beyond what was
-there.
+torsion and of compression are Parameters too. Every case runs in a process of its own, which tells milliseconds of CPU of the
+first compile, of the first solve and of the next ones (medians of five) without compiling, and the
+megabytes that compiling took beyond what was there.
 """
 
 from __future__ import annotations
@@ -84,28 +83,27 @@ def measured(contacts: int, vectors: int, solver: str, backend: str) -> dict[str
     limit_problem(9, vectors)[0].solve(solver=SOLVERS[solver](), canon_backend=backend)  # imports
     problem, given = limit_problem(contacts, vectors)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    compiles, solves = [], []
+    compiled, solves = 0.0, []
     for _ in range(6):
         start = process_time()
         problem.get_problem_data(SOLVERS[solver](), canon_backend=backend)
-        compiles.append(process_time() - start)
         if not solves:
+            compiled = process_time() - start
             memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory
         start = process_time()
         problem.solve(solver=SOLVERS[solver](), canon_backend=backend)
         solves.append(process_time() - start)
         given[0].value = 1.01 * given[0].value
-    rest = median(compiles[1:]), median(solves[1:])
-    names = "compile", "again", "solve", "re-solve", "megabytes"
-    numbers = compiles[0], rest[0], solves[0], rest[1], memory / 1024.0
+    names = "compile", "solve", "re-solve", "megabytes"
+    numbers = compiled, solves[0], median(solves[1:]), memory / 1024.0
     return dict(zip(names, numbers, strict=True))
 
 
 @experiment(Part(1))
 def parameters(cases: Sequence[str] = ("888x1", "888x3", "4859x3"), most: int = 1000) -> Lines:
     """What Parameters cost in CVXPY: contacts x vectors; its own way up to ``most`` contacts."""
-    yield Head("contacts x vectors", "back end", "interface", "compile", "again", "first solve",
-               "re-solve", "MB")  # fmt: skip
+    yield Head("contacts x vectors", "back end", "interface", "compile", "first solve", "re-solve",
+               "MB")  # fmt: skip
     for case, backend, solver in product(cases, ("CPP", "COO"), SOLVERS):
         contacts, vectors = map(int, case.split("x"))
         if solver == OWN and contacts > most:

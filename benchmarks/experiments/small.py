@@ -16,21 +16,19 @@ from benchmarks.experiment import Head, Lines, Part, experiment
 from cvxlimit import builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
 
-PHASES = ("compile", "solve", "certify")
-
 
 @experiment(Part(1))
 def small(scenes: Sequence[str] = tuple(BUILTIN), repeat: int = 5) -> Lines:
     """Built-in scenes, ours beside eight lines of CVXPY."""
-    yield Head("scene", "contacts", "eight lines, ms", "cvxlimit, ms", "ratio", "compile", "solver",
-               "certificate", "eight lines off by", "bracket")  # fmt: skip
+    yield Head("scene", "contacts", "eight lines, ms", "cvxlimit, ms", "ratio",
+               "eight lines off by", "bracket")  # fmt: skip
     for name in scenes:
         yield row(name, repeat)
 
 
 def row(name: str, repeat: int) -> tuple[object, ...]:
     """Medians of a scene, after one run of each to warm up."""
-    theirs, ours, phases = [], [], []
+    theirs, ours = [], []
     for _ in range(repeat + 1):
         scene = builtin_scene(name)
         start = process_time() if len(scene.contacts) else 0.0
@@ -39,12 +37,9 @@ def row(name: str, repeat: int) -> tuple[object, ...]:
         solution = solve(scene)
         ours.append(process_time() - middle)
         theirs.append(middle - start)
-        phases.append(solution.seconds)
     spent = [1e3 * median(seconds[1:]) for seconds in (theirs, ours)]
-    parts = [1e3 * median(p.get(k, 0.0) for p in phases[1:]) for k in PHASES]
     off = abs(factor / solution.load_factor - 1.0)
     return (
         name, f"{len(scene.contacts):,}", *(f"{t:.0f}" for t in spent),
-        f"{spent[1] / spent[0]:.2f}", *(f"{t:.0f}" for t in parts), f"{off:.0e}",
-        f"{solution.gap:.0e}",
+        f"{spent[1] / spent[0]:.2f}", f"{off:.0e}", f"{solution.gap:.0e}",
     )  # fmt: skip
