@@ -3,9 +3,9 @@
 The problem is a limit problem in shape, written in plain CVXPY: blocks in a strip, contacts
 between them with a normal force, two shears and a torsion moment each, six equations per block,
 friction as a Parameter with an entry per contact. With three vectors (``888x3``) strengths of
-torsion and of compression are Parameters too. Every case runs in a process of its own, which tells milliseconds of CPU of the
-first compile, of the first solve and of the next ones (medians of five) without compiling, and the
-megabytes that compiling took beyond what was there.
+torsion and of compression are Parameters too. Every case runs in a process of its own, which tells
+milliseconds of CPU of the first compile, of the first solve and of the next ones (medians of five)
+without compiling, and the megabytes that compiling took beyond what was there.
 """
 
 from __future__ import annotations
