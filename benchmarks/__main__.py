@@ -19,8 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """List the experiments, run one, make the records of all, or pass on to the open bench."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] == ["bench"]:
-        commands.main(given[1:])
-        return 0
+        return commands.main(given[1:])
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     actions = parser.add_subparsers(dest="action")
     actions.add_parser("list", help="what can be measured")

@@ -76,7 +76,8 @@ class Experiment:
 
     name: str
     run: Callable[..., Lines]
-    parts: tuple[Part, ...]
+    parts: tuple[Part, ...] = ()
+    group: str = "run"
 
     @property
     def what(self) -> str:
@@ -87,13 +88,15 @@ class Experiment:
         """An option for every argument: several values for a sequence, a switch for a bool."""
         about = f"{self.run.__doc__ or ''}\n\n{inspect.getmodule(self.run).__doc__ or ''}"  # type: ignore[union-attr]
         parser = argparse.ArgumentParser(
-            prog=f"python -m benchmarks run {self.name}", description=about,
+            prog=f"python -m benchmarks {self.group} {self.name}", description=about,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
         hints = get_type_hints(self.run)
         for name, argument in inspect.signature(self.run).parameters.items():
             kind, default = hints[name], argument.default
             option: dict[str, Any] = {"default": default, "help": f"unless given: {_said(default)}"}
+            if default is inspect.Parameter.empty:
+                option = {"required": True}
             if kind is bool:
                 option["action"] = "store_true"
             elif get_origin(kind) is not None and get_origin(kind) is not UnionType:

@@ -56,16 +56,6 @@ def wall_of(units: int) -> Scene:
     return wall(running_bond(units, 2 * units), friction=0.65, name=name)
 
 
-def propped_wall(contacts: int) -> Scene:
-    """The paper's tuff wall (5.1.1) at other sizes: held at one end, pushed out of its plane."""
-    units = max(2, round(sqrt(contacts / 9)))
-    return wall(
-        running_bond(units, 3 * units), unit=(0.1, 0.1, 0.05), density=12.1, friction=0.51,
-        side_supports=("start",), live=Load(acceleration=(0.0, 1.0, 0.0)),
-        name=f"propped wall {units} x {3 * units}",
-    )  # fmt: skip
-
-
 def s12_class(contacts: int = 886) -> Scene:
     """One return, 313 blocks, 886 contacts: the octagon is 1.4 % off. Close to the paper's
     specimen, the built-in ``s12-panel``; kept because figures on speed were measured on it."""
@@ -117,8 +107,8 @@ def _piled(rng: np.random.Generator, corners: int, name: str) -> Scene:
 
 
 NUMBERED: dict[str, Callable[[int], Scene]] = {
-    "arch": arch_of, "panel": panel_of, "planar-wall": planar_wall, "propped-wall": propped_wall,
-    "wall": wall_of, "random-wall": random_wall, "irregular-wall": irregular_wall,
+    "arch": arch_of, "panel": panel_of, "planar-wall": planar_wall, "wall": wall_of,
+    "random-wall": random_wall, "irregular-wall": irregular_wall,
     "prisms": prisms, "drums": drums,
 }  # fmt: skip
 """Scenes by about how many contacts, or units, they have, and by their seed."""

@@ -18,8 +18,7 @@ from itertools import islice
 from pathlib import Path
 from time import process_time
 
-from benchmarks.bench.running import Row, Tell
-from benchmarks.rows import Rows
+from benchmarks.rows import Row, Rows
 from benchmarks.scenes import scene_of
 from benchmarks.stability.families import sample, samples
 from cvxlimit import Scene
@@ -72,12 +71,14 @@ def _hard(number: int) -> Iterator[tuple[str, int]]:
             yield family, seed
 
 
-def write(output: Path, most: int, hard: int, tell: Tell) -> None:
-    """The archive; ``OUT.zip.sha256`` beside it has its own checksum.
+def write(file: Path, most: int = 100_000, hard: int = 100) -> Iterator[str]:
+    """Problems for those who write solvers: of at most so many contacts, so many hard small ones.
+
+    ``OUT.zip.sha256`` beside it has its own checksum.
 
     Problems are kept in the folder ``OUT`` beside it, and what stands there is not solved again.
     """
-    folder = output.with_suffix("")
+    folder = file.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
     kept, rows = Rows(folder / "index.jsonl", "problem"), []
     for group, scene in scenes(most, hard):
@@ -85,10 +86,10 @@ def write(output: Path, most: int, hard: int, tell: Tell) -> None:
         if not all(name in kept for name in names):
             for row in exported(scene, folder):
                 kept.add({"group": group, **row})
-                tell("{problem}: {contacts} contacts, {optimum}, {seconds} s".format(**row))
+                yield "{problem}: {contacts} contacts, {optimum}, {seconds} s".format(**row)
         found = [row for name in names if (row := kept.get(name))]
         rows += [row for row in found if row["sha256"]]
-    with zipfile.ZipFile(output, "w") as archive:
+    with zipfile.ZipFile(file, "w") as archive:
         for row in rows:
             add(archive, row["problem"], (folder / row["problem"]).read_bytes())
         table = io.StringIO(newline="")
@@ -98,9 +99,9 @@ def write(output: Path, most: int, hard: int, tell: Tell) -> None:
         add(archive, "index.csv", table.getvalue().encode("utf-8"))
         sums = "".join(f"{row['sha256']}  {row['problem']}\n" for row in rows)
         add(archive, "SHA256SUMS", sums.encode("utf-8"))
-    digest = hashlib.sha256(output.read_bytes()).hexdigest()
-    Path(f"{output}.sha256").write_text(f"{digest}  {output.name}\n", encoding="utf-8")
-    tell(f"{output}: {len(rows)} problems, sha256 {digest}")
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    Path(f"{file}.sha256").write_text(f"{digest}  {file.name}\n", encoding="utf-8")
+    yield f"{file}: {len(rows)} problems, sha256 {digest}"
 
 
 def exported(scene: Scene, folder: Path) -> Iterator[Row]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -25,18 +25,19 @@ LEAST = 0.1
 """CPU seconds at which the axis begins."""
 
 
-def draw(is_written: bool, tell: Callable[[str], object]) -> None:
-    """One plot for each specimen in space, and one for all arches, whose models hardly differ."""
+def draw(write: bool = False) -> Iterator[str]:
+    """Models against experiments; write: into docs/evidence/bench.png. One plot for each specimen
+    in space, and one for all arches, whose models hardly differ."""
     tested = [(each, each.record()) for each in cases() if tests(each.record())]
     space = [pair for pair in tested if len(pair[1]["models"]) > len(PLANE)]
     plane = [pair for pair in tested if pair not in space]
     figure, plots = stacked(len(space) + 1, 3.4)
     for axes, pair in zip(plots, space, strict=False):
-        specimen(axes, *pair, tell)
-    arches(plots[-1], plane, tell)
+        yield from specimen(axes, *pair)
+    yield from arches(plots[-1], plane)
     name_lines(figure, plots[:-1])
-    if is_written:
-        tell(save(figure, PICTURE))
+    if write:
+        yield save(figure, PICTURE)
 
 
 def tests(record: Mapping[str, Any]) -> list[float]:
@@ -50,9 +51,7 @@ def ends(bracket: Mapping[str, Any]) -> tuple[float, float] | None:
     return None if low is None or high is None else (low, high)
 
 
-def specimen(
-    axes: Axes, each: Case, record: Mapping[str, Any], tell: Callable[[str], object]
-) -> None:
+def specimen(axes: Axes, each: Case, record: Mapping[str, Any]) -> Iterator[str]:
     """Every model: its bracket as a bar, at the CPU seconds it took."""
     (test,) = tests(record)
     for model, bracket in record["brackets"].items():
@@ -66,7 +65,7 @@ def specimen(
             bracket["seconds"], (low + high) / 2.0, marker, color=colour, label=model,
             markersize=11 if marker == "*" else 8, markeredgecolor="white",
         )  # fmt: skip
-        tell(f"{each.name:12} {model:16} {low:+.1f} to {high:+.1f} %, {bracket['seconds']} s")
+        yield f"{each.name:12} {model:16} {low:+.1f} to {high:+.1f} %, {bracket['seconds']} s"
     axes.axhline(0.0, color="#222", linewidth=1)
     axes.annotate("test", (LEAST, 0.0), (4, 4), textcoords="offset points")
     axes.set_xscale("log")
@@ -80,9 +79,7 @@ def specimen(
                    fontsize=10, loc="left")  # fmt: skip
 
 
-def arches(
-    axes: Axes, pairs: list[tuple[Case, dict[str, Any]]], tell: Callable[[str], object]
-) -> None:
+def arches(axes: Axes, pairs: list[tuple[Case, dict[str, Any]]]) -> Iterator[str]:
     """Share of the measured load that dry, rigid blocks carry: mortar and fill are not in it."""
     marker, colour = LOOKS["conic"]
     for place, (each, record) in enumerate(pairs):
@@ -93,7 +90,7 @@ def arches(
         words = " and ".join(f"{share:.2g} %" for share in shares)
         axes.annotate(f"{words}, {bracket['seconds']:.2g} s", (max(shares), place), (8, 5),
                       textcoords="offset points")  # fmt: skip
-        tell(f"{each.name:16} {words} of the test, {bracket['seconds']} s")
+        yield f"{each.name:16} {words} of the test, {bracket['seconds']} s"
     axes.axvline(100.0, color="#222", linewidth=1)
     axes.annotate("test", (100.0, len(pairs) - 0.55), (-4, -12), textcoords="offset points",
                   ha="right")  # fmt: skip

@@ -9,7 +9,7 @@ import tempfile
 import time
 import zipfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import clarabel
@@ -18,9 +18,9 @@ import scipy.sparse as sp
 
 from benchmarks.bench.case import HOME
 from benchmarks.bench.cbf import read_cbf
-from benchmarks.bench.running import Row, Tell, into_page
+from benchmarks.bench.running import into_page
 from benchmarks.experiment import table as table_of
-from benchmarks.rows import Rows
+from benchmarks.rows import Row, Rows
 
 ANSWERS = HOME / "answers.jsonl"
 LOOSE = 1e-6
@@ -66,10 +66,22 @@ SOLVERS: dict[str, tuple[str, Callable[[Path, float], Found]]] = {
 }  # fmt: skip
 
 
-def solve(archive: Path, seconds: float, tell: Tell) -> list[Row]:
-    """Every problem that has no answer yet; a row for each in ``answers.jsonl``."""
-    kept = Rows(ANSWERS, "solver", "sha256")
+def solve(file: Path, seconds: float = 60.0, write: bool = False) -> Iterator[str]:
+    """Other solvers on an archive, from its files alone; write: into the docs."""
     found = []
+    for row, is_new in answers(file, seconds):
+        found.append(row)
+        if is_new:
+            said = f"{row['solver']} {row['status']}, {row['objective']}, {verdict(row)}"
+            yield f"{row['problem']}: {said}; proved {row['optimum']}"
+    yield (text := table(found))
+    if write:
+        into_page("answers", text)
+
+
+def answers(archive: Path, seconds: float) -> Iterator[tuple[Row, bool]]:
+    """A row for every problem, kept in ``answers.jsonl``, and whether it was not there yet."""
+    kept = Rows(ANSWERS, "solver", "sha256")
     with zipfile.ZipFile(archive) as files, tempfile.TemporaryDirectory() as folder:
         lines = files.read("SHA256SUMS").decode("utf-8").splitlines()
         sums = {name: digest for digest, name in (line.split("  ") for line in lines)}
@@ -79,7 +91,7 @@ def solve(archive: Path, seconds: float, tell: Tell) -> list[Row]:
                 raise SystemExit(f"{row['problem']}: the checksum is another")
             name, solver = SOLVERS[row["format"]]
             answer = kept.get({**row, "solver": name})
-            if answer is None:
+            if is_new := answer is None:
                 path = Path(folder) / row["problem"]
                 path.write_bytes(content)
                 start = time.process_time()
@@ -89,12 +101,7 @@ def solve(archive: Path, seconds: float, tell: Tell) -> list[Row]:
                           "took": took}  # fmt: skip
                 path.unlink()
                 kept.add(answer)
-                tell(f"{row['problem']}: {name} {status}, {objective}, {verdict(answer)}; "
-                     f"proved {row['optimum']}")  # fmt: skip
-            found.append(answer)
-    counts = Counter((row["solver"], verdict(row)) for row in found)
-    tell(", ".join(f"{solver} {number} {said}" for (solver, said), number in counts.items()))
-    return found
+            yield answer, is_new
 
 
 def verdict(row: Row) -> str:
@@ -118,7 +125,7 @@ def verdict(row: Row) -> str:
 VERDICTS = ("inside", "inaccurate, as it says", "without an answer", "wrong")
 
 
-def table(rows: list[Row], is_written: bool, tell: Tell) -> None:
+def table(rows: list[Row]) -> str:
     """Structures one by one, hard small problems counted; Markdown."""
     head = ("problem", "contacts", "variables", "proved optimum", "ours, s", "solver", "its answer",
             "its s")  # fmt: skip
@@ -137,10 +144,7 @@ def table(rows: list[Row], is_written: bool, tell: Tell) -> None:
         number = f"{sum(counts.values())} as {form.upper()}"
         small.append((number, solver, *(counts[said] for said in VERDICTS)))
     heads = ("hard small problems", "solver", *VERDICTS)
-    text = f"{table_of(head, cells)}\n\n{table_of(heads, small)}\n"
-    tell(text)
-    if is_written:
-        into_page("answers", text)
+    return f"{table_of(head, cells)}\n\n{table_of(heads, small)}\n"
 
 
 def ends(optimum: str) -> str:

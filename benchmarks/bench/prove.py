@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from math import cos, pi
@@ -74,19 +74,19 @@ MODELS: dict[str, Callable[[Scene], Solution]] = {
 """Functions from a scene to a solution, by the name of the model."""
 
 
-def all_of(pattern: str, models: str, tell: Callable[[str], object]) -> None:
-    """One bracket at a time; a record is written after each."""
-    for each in cases(pattern):
+def all_of(case: str = "*", model: str = "*") -> Iterator[str]:
+    """Brackets into the records; those that stand are kept."""
+    for each in cases(case):
         record = each.record()
-        for model in record["models"]:
-            if not fnmatchcase(model, models) or model in record["brackets"]:
+        for name in record["models"]:
+            if not fnmatchcase(name, model) or name in record["brackets"]:
                 continue
-            found = proved(each, model)
-            brackets = {**record["brackets"], model: found}
+            found = proved(each, name)
+            brackets = {**record["brackets"], name: found}
             record["brackets"] = {m: brackets[m] for m in record["models"] if m in brackets}
             each.write(record)
-            tell(f"{each.name:26} {model:16} {found['lower']} {found['upper']} {found['status']}"
-                 f" {found['seconds']:.1f} s")  # fmt: skip
+            ends = f"{found['lower']} {found['upper']} {found['status']}"
+            yield f"{each.name:26} {name:16} {ends} {found['seconds']:.1f} s"
 
 
 def proved(each: Case, model: str) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,6 @@ PAGE = ROOT / "docs" / "evidence" / "bench.md"
 CLOSE = 1e-5
 """Relative distance from the bracket that rounding and a solver's default tolerance explain."""
 
-Tell = Callable[[str], object]
-
 
 def tools() -> dict[str, dict[str, Any]]:
     """Commands and models by name: ``benchmarks/tools.json``."""
@@ -39,8 +37,8 @@ def rows() -> Rows:
     return Rows(RESULTS, "tool", "scene")
 
 
-def run(tool: str, pattern: str, seconds: float, tell: Tell) -> None:
-    """Tools whose name matches on cases whose name matches; what stands is not run again.
+def run(tool: str = "*", case: str = "*", seconds: float = 60.0) -> Iterator[str]:
+    """Tools on cases, one row at a time, so many seconds each; rows that stand are kept.
 
     An environment variable names the Python of a tool that has an environment of its own:
     ``CRA_PYTHON``.
@@ -53,10 +51,10 @@ def run(tool: str, pattern: str, seconds: float, tell: Tell) -> None:
         try:
             command = [p.format(python=sys.executable, **os.environ) for p in made["command"]]
         except KeyError as missing:
-            tell(f"{name}: left out, set {missing.args[0]} to the Python of its environment")
+            yield f"{name}: left out, set {missing.args[0]} to the Python of its environment"
             continue
         wanted = {}
-        for each in cases(pattern):
+        for each in cases(case):
             for role, scene in each.record()["scenes"].items():
                 row = {"tool": name, "case": each.name, "scene": each.scene_name(role),
                        "sha256": scene["sha256"]}  # fmt: skip
@@ -65,7 +63,7 @@ def run(tool: str, pattern: str, seconds: float, tell: Tell) -> None:
         for file, found in answers(command, list(wanted), seconds):
             row = {**wanted[file], **found}
             kept.add(row)
-            tell(f"{name:22} {row['scene']:30} {said(row)}")
+            yield f"{name:22} {row['scene']:30} {said(row)}"
 
 
 def answers(command: list[str], scenes: list[Path], seconds: float) -> Iterator[tuple[Path, Row]]:
@@ -176,23 +174,23 @@ MARKS = {
 GOOD = ("inside", "right", "-")
 
 
-def table(pattern: str, is_written: bool, is_full: bool, tell: Tell) -> None:
-    """Sums, and the answers one by one in Markdown: all, or those that are off."""
+def table(case: str = "*", write: bool = False, all: bool = False) -> Iterator[str]:
+    """What the tools answered, beside the proof: all, or what is off; write: into the docs."""
     counts: dict[str, Counter[str]] = {name: Counter() for name in tools()}
     lines = []
-    for each, role, record, answers in judged(pattern):
+    for each, role, record, answers in judged(case):
         about = each.scene_name(role), f"{record['scenes'][role]['contacts']:,}"
         for name, (row, mark) in answers.items():
             counts[name][mark if mark in MARKS else "off"] += 1
-            if is_full or mark not in GOOD:
+            if all or mark not in GOOD:
                 took = "" if row["seconds"] is None else f"{row['seconds']:.2g}"
                 word = "refused" if mark == "-" else mark
                 lines.append((*about, shown(record, role), name, said(row), word, took))
     sums = [[name, *(c[k] or "" for k in MARKS)] for name, c in counts.items()]
     head = ["scene", "contacts", "proved (conic)", "program", "its answer", "verdict", "s"]
     text = f"{table_of(['program', *MARKS.values()], sums)}\n\n{table_of(head, lines)}\n"
-    tell(text)
-    if is_written:
+    yield text
+    if write:
         into_page("table", text)
 
 

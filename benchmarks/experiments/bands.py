@@ -1,10 +1,9 @@
-"""Where the paper's fixed point goes, by solver, kernel, compiler.
+"""Where the paper's fixed point goes, by solver and compiler.
 
 A row per scene and reading (``--moments``), a column per solver: solves until the paper's criterion
 (Eq. 43), the load factor then, and the band of the iterates. Every run is a process of its own,
-with the compiled parts and without them (``--compiled yes no``), and under other kernels of BLAS
-where ``--kernels`` names some. The last column has the range that all bands of the row share, or
-how far the two farthest are apart.
+with the compiled parts and without them (``--compiled yes no``). The last column has the range that
+all bands of the row share, or how far the two farthest are apart.
 """
 
 from __future__ import annotations
@@ -28,31 +27,23 @@ SAME = 1e-6
 """Relative distance of bands that are one value but for what solvers leave of it."""
 
 
-@experiment(
-    Part(8),
-    Part(2, "--scenes tuff-wall facade random-wall-2 random-wall-13 --compiled yes"
-            " --moments independent paper", "bands-readings"),
-    Part(1, "--scenes tuff-wall facade --solvers BLOCKWISE --compiled yes --moments signed"
-            ' independent --kernels "" Haswell SkylakeX Prescott Zen', "bands-kernels"),
-)  # fmt: skip
+@experiment(Part(8))
 def bands(
     scenes: Sequence[str] = SCENES, moments: Sequence[str] = ("signed",),
     solvers: Sequence[str] = tuple(SOLVERS), compiled: Sequence[str] = ("yes", "no"),
-    kernels: Sequence[str] = ("",),
 ) -> Lines:  # fmt: skip
-    """Where the paper's fixed point goes, by solver, kernel and compiler."""
+    """Where the paper's fixed point goes, by solver and compiler."""
     known = [name for name in solvers if name in installed() or name == "BLOCKWISE"]
-    choices = [*product(known, compiled, kernels)]
+    choices = [*product(known, compiled)]
     yield Head("scene, moments", *(headed(*choice) for choice in choices), "overlap")
     for name, reading in product(scenes, moments):
         found = [alone(name, reading, *choice) for choice in choices]
         yield f"{name}, {reading}", *map(told, found), overlap(found)
 
 
-def headed(solver: str, compiled: str, kernel: str) -> str:
+def headed(solver: str, compiled: str) -> str:
     """A column's head."""
-    without = "" if compiled == "yes" else ", nothing compiled"
-    return SOLVERS[solver] + without + (f", {kernel}" if kernel else "")
+    return SOLVERS[solver] + ("" if compiled == "yes" else ", nothing compiled")
 
 
 def measured(name: str, moments: str, solver: str) -> Iteration:
@@ -62,10 +53,10 @@ def measured(name: str, moments: str, solver: str) -> Iteration:
     return found
 
 
-def alone(name: str, moments: str, solver: str, compiled: str, kernel: str = "") -> Iteration:
-    """The same in a process of its own, whose compiled parts and kernel are chosen at its start."""
-    own = {"CVXLIMIT_COMPILED": compiled} | ({"OPENBLAS_CORETYPE": kernel} if kernel else {})
-    return apart(partial(measured, name, moments, solver), Limits(1200.0), own)
+def alone(name: str, moments: str, solver: str, compiled: str) -> Iteration:
+    """The same in a process of its own, whose compiled parts are chosen at its start."""
+    call = partial(measured, name, moments, solver)
+    return apart(call, Limits(1200.0), {"CVXLIMIT_COMPILED": compiled})
 
 
 def told(found: Iteration) -> str:

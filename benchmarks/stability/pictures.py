@@ -21,8 +21,6 @@ COLOURS = {
     Outcome.WRONG: "#c0272d",
 }
 _INK = "#333"
-
-
 _WORDS = {
     "conic": "cone", "CLARABEL": "Clarabel", "HIGHS": "HiGHS", "BLOCKWISE": "blockwise",
     "SCIPY": "SciPy",
