@@ -98,8 +98,8 @@ class Proof:
             self.internal = solution.internal
         else:
             raise InputError(
-                f"the solution of {solution.scene_name!r} does not hold the pressures on joints that "
-                "crush, on which derivatives rest: solve the scene anew"
+                f"the solution of {solution.scene_name!r} does not hold the pressures on joints "
+                "that crush, on which derivatives rest: solve the scene anew"
             )
         self.forces = model.forces(self.internal)
         self.forces[:, COLUMN["N"]] -= pull

@@ -81,8 +81,8 @@ def least_used_state(
         return replace(solution, forces=found), f"{at}, in the state that uses joints least"
     if load_factor is not None:
         raise InputError(
-            f"no state of forces of {solution.scene_name!r} was found at load factor {load_factor:g}: "
-            f"ask for one from 0 to {solution.lower:g}, of a solution without interaction and ties"
+            f"no state of forces of {solution.scene_name!r} was found at load factor "
+            f"{load_factor:g}: ask for one from 0 to {solution.lower:g}, of a solution without interaction and ties"
         )
     return solution, f"{at}, in the state of forces that was found"
 
@@ -126,8 +126,8 @@ def solved_with(solution: Solution) -> tuple[YieldSurface, ...]:
     found = solution.surfaces or surfaces_named(solution.surface, solution.torsion_shear)
     if found is None:
         raise InputError(
-            f"how much of its strength a joint of {solution.scene_name!r} uses cannot be told: of the "
-            f"surfaces {solution.surface!r} only the names are left, and not all are built in; "
+            f"how much of its strength a joint of {solution.scene_name!r} uses cannot be told: of "
+            f"the surfaces {solution.surface!r} only the names are left, and not all are built in; "
             "solution.of(scene, surfaces) gives them back"
         )
     if solution.torsion_shear == "exact":  # no surface states it: the parabola is just inside
