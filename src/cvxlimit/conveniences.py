@@ -9,12 +9,16 @@ Either imports what it needs when it is called, since pictures need a second to 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
 from cvxlimit.errors import InputError
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.paths.code_check import CodeCheck
+from cvxlimit.paths.path import Path
+from cvxlimit.readings.sensitivity import Sensitivity
 from cvxlimit.solution import Solution
 
 PLACES = {
@@ -47,15 +51,51 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(f"cvxlimit.{module}"), function)
 
 
+_SECTIONS: dict[str, tuple[type, Any]] = {
+    "path": (Path, lambda value: value.scene),
+    "check": (CodeCheck, None),
+    "sensitivity": (Sensitivity, lambda value: value.solution.scene),
+    "without_dilatancy": (Solution, lambda value: value.scene),
+}
+"""What a report's sections are made of, and its scene."""
+
+
 def solution_report(solution: Solution, file: str | os.PathLike[str] | None, given: Any) -> Any:
     """:meth:`cvxlimit.Solution.report`."""
     from cvxlimit.io import scene_digest
     from cvxlimit.plotting.reporting import report
 
+    digest = scene_digest(solution.scene)
+    for name, (kinds, scene_of) in _SECTIONS.items():
+        value = given[name]
+        if value is None or isinstance(value, str | Mapping) or hasattr(value, "columns"):
+            continue
+        if not (isinstance(value, kinds) or (name == "check" and hasattr(value, "rows"))):
+            texts = "" if name == "without_dilatancy" else ", a text, a mapping or a table"
+            raise InputError(
+                f"{name} must be a {kinds.__name__}{texts}, got {value!r:.60}: it is for the page "
+                "of a result"
+            )
+        if scene_of is not None and scene_digest(scene_of(value)) != digest:
+            raise InputError(
+                f"{name} is of another scene ({scene_of(value).name!r}) than the result of "
+                f"{solution.scene_name!r}, to whose page it is to go"
+            )
+    if isinstance(given["check"], CodeCheck) and given["check"].scene_name != solution.scene_name:
+        raise InputError(
+            f"check is of scene {given['check'].scene_name!r}, and the result of "
+            f"{solution.scene_name!r}"
+        )
+    without = given["without_dilatancy"]
+    if without is not None and without.flow == "associated":
+        raise InputError(
+            f"without_dilatancy must be of a method without dilatancy, got {without!r}: "
+            "solve(scene, method='zero-dilatancy') makes it"
+        )
     if given["sensitivity"] is None and (derive := getattr(solution, "sensitivity", None)):
         with suppress(InputError):  # no optimum of one convex problem has derivatives
             given = given | {"sensitivity": derive()}
-    made = report(solution, scene_digest(solution.scene), **given)
+    made = report(solution, digest, **given)
     return made if file is None else made.save(file)
 
 

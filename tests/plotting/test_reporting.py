@@ -144,15 +144,63 @@ def test_a_path_and_its_check() -> None:
     words = Read(solve(wall).report(path=path, check=code_check(path))).words
     assert "0.4 with friction at points" in words
     assert path.reason in words
+    for said in ("Circolare 7/2019", "to be compared with the code in force", "are spectral"):
+        assert said in words
     for name, value, unit, _ in code_check(path).rows:
         assert f"{name} {value:.6g} {unit}".rstrip() in words, name
 
 
 def test_friction_without_dilatancy_is_beside_it(dam: Solution) -> None:
     without = solve(builtin_scene("dam"), method="zero-dilatancy")
-    assert "zero-dilatancy, converged" in Read(dam.report(without_dilatancy=without)).words
+    words = Read(dam.report(without_dilatancy=without)).words
+    first = words.index("load factor without dilatancy")  # it is what is to be reported
+    assert first < words.index("with dilatancy 1.0572, an upper bound of the number above")
+    assert words.index("the lowest of the") < words.index("both bounds are proved")
     own = Read(without.report()).words
     assert "without dilatancy, for which there is no single answer" in own
+
+
+def test_what_loads_add_up_to_and_blocks_that_move_alike(dam: Solution) -> None:
+    """Water of 10 m: 490.5 kN at a third of its height, uplift 441.45 kN at a third of 9 m."""
+    words = Read(dam.report()).words
+    assert "of 0 to 98.1 kN/m²" in words
+    assert re.search(r"along a line through \([^)]+\) m", words)
+    x, _, z = reporting_point(words)
+    # moments about the heel: 490.5 * 10 / 3 turns one way, 441.45 * 3 the other
+    assert 490.5 * z - 441.45 * x == pytest.approx(490.5 * 10 / 3 - 441.45 * 3, rel=1e-3)
+    assert "moving blocks all 5 move alike" in words
+
+
+def reporting_point(words: str) -> list[float]:
+    (found,) = re.findall(r"441\.45\) kN in all, along a line through \(([^)]+)\) m", words)
+    return [float(x) for x in found.split(",")]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"path": 3}, "path must be a Path, a text, a mapping or a table, got 3"),
+        ({"sensitivity": 1}, "sensitivity must be a Sensitivity"),
+        ({"check": 0.5}, "check must be a CodeCheck"),
+        ({"without_dilatancy": 0.3}, "without_dilatancy must be a Solution, got 0.3"),
+        ({"path": "self"}, "path must be a Path"),
+        ({"without_dilatancy": "self"}, "must be of a method without dilatancy"),
+        ({"sensitivity": "other"}, r"another scene \('single-block'\) than the result of 'dam'"),
+        ({"path": "followed"}, r"path is of another scene \('single-block'\)"),
+        ({"check": "checked"}, "check is of scene 'single-block'"),
+    ],
+)  # fmt: skip
+def test_sections_of_something_else_are_refused(dam: Solution, given: dict, said: str) -> None:
+    block = builtin_scene("single-block")
+    made = {
+        "self": lambda: dam,
+        "other": lambda: solve(block).sensitivity(),
+        "followed": lambda: pushover(block),
+        "checked": lambda: code_check(pushover(block)),
+    }
+    ((name, value),) = given.items()
+    with pytest.raises(InputError, match=said):
+        dam.report(**{name: made[value]() if isinstance(value, str) else value})
 
 
 def test_a_reaction_and_what_has_no_answer() -> None:
@@ -182,6 +230,17 @@ def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert run(["solve", "stack", "--report", str(file)]) == 0
     assert f"written      {file}" in capsys.readouterr().out
     assert "signature" in file.read_text("utf-8")
+    assert run(["solve", "dam", "--report", str(file), "--without-dilatancy"]) == 0
+    assert "load factor without dilatancy" in file.read_text("utf-8")
+    assert run(["pushover", "single-block", "--code-check", "1.35", "--report", str(file)]) == 0
+    assert "Circolare 7/2019" in file.read_text("utf-8")
+    file.unlink()
+    capsys.readouterr()
+    for wrong in (["--without-dilatancy"], ["--method", "zero-dilatancy", "--sensitivity"]):
+        asked = ["--report", str(file)] * ("--method" in wrong)
+        assert run(["solve", "stack", *asked, *wrong]) == 2
+        assert "goes with" in capsys.readouterr().err
+    assert not file.exists()
     assert run(["solve", "stack", "--report", str(tmp_path / "stack.pdf")]) == 2
     assert "--report" in (said := capsys.readouterr().err)
     assert "the name must end in .html" in said

@@ -59,6 +59,9 @@ class Followed:
     )
     json: Path | None = option("OUT", "Write the path to this JSON file.", group=OUTPUT)
     csv: Path | None = option("OUT", "Write a row per configuration.", group=OUTPUT)
+    report: Path | None = option(
+        "OUT.html", "Write a page to print and sign, with the path and its check.", group=OUTPUT
+    )
     plot: Path | None = option(
         "OUT.png|.html|.gif",
         "Draw the curve (.svg and .pdf as well), a page with a slider, or a film (.mp4 as well).",
@@ -72,7 +75,8 @@ def pushover_command(asked: Followed) -> ExitCode:
     configuration."""
     inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
     outputs = {"--json": asked.json, "--csv": asked.csv, "--plot": asked.plot}
-    check_outputs(outputs, inputs, plot=list(_KINDS))
+    outputs["--report"] = asked.report
+    check_outputs(outputs, inputs, plot=list(_KINDS), report=(".html",))
     flow: Any = asked.flow
     control = _control(asked.control)
 
@@ -87,10 +91,13 @@ def pushover_command(asked: Followed) -> ExitCode:
         write_file(asked.csv, path.to_dataframe().to_csv(index=False).encode("utf-8"))
     if asked.plot is not None:
         path.plot(_KINDS[asked.plot.suffix.lower()], asked.plot)
+    check = None if asked.code_check is None else code_check(path, asked.code_check)
+    if asked.report is not None:
+        path.initial.of(path.scene).report(asked.report, path=path, check=check)
     written = [str(file) for file in outputs.values() if file is not None]
     show(_summary(path, written), Text(), _table(path), Text(one_line(f"{PROVES}")))
-    if asked.code_check is not None:
-        show(Text(), Text(str(code_check(path, asked.code_check))))
+    if check is not None:
+        show(Text(), Text(str(check)))
     return _verdict(path)
 
 

@@ -103,6 +103,7 @@ class Files:
     plot: Sequence[str] | None = None
     export: Path | None = None
     report: Path | None = None
+    without_dilatancy: bool = False
 
     def check(self, scene: str) -> None:
         inputs = {} if scene in BUILTIN else {scene: "the scene"}
@@ -151,7 +152,10 @@ class Files:
         if self.export is not None:
             yield from export(scene, self.export, solution)
         if self.report is not None:
-            yield solution.of(scene).report(self.report)
+            other = None
+            if self.without_dilatancy and solution.flow == "associated":
+                other = solve(scene, solution.surfaces, method="zero-dilatancy")
+            yield solution.of(scene).report(self.report, without_dilatancy=other)
 
 
 def _drawn(kind: str, scene: Scene, solution: Solution, path: Path) -> Sequence[Path]:
@@ -217,6 +221,13 @@ class Order:
         "FILE", "Contacts with their forces (.csv), or the blocks (.obj, .glb).", group=OUTPUT
     )
     report: Path | None = report_option()
+    without_dilatancy: bool = option(
+        "",
+        "With --report: the number without dilatancy first on its page (method zero-dilatancy).",
+        False,
+        "--without-dilatancy",
+        group=OUTPUT,
+    )
     sensitivity: bool = option(
         "",
         "What friction and stones change.",
@@ -257,9 +268,16 @@ class Order:
 @taking(Order)
 def solve_command(order: Order) -> ExitCode:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
-    files = Files(order.json, order.plot, order.export, order.report)
+    files = Files(order.json, order.plot, order.export, order.report, order.without_dilatancy)
     files.check(order.scene)
     settings = order.settings()
+    if order.without_dilatancy and order.report is None:
+        raise InputError("--without-dilatancy goes with --report, on whose page its number is")
+    if order.sensitivity and order.method not in (None, "convex"):
+        raise InputError(
+            f"--sensitivity goes with method convex, got {order.method!r}: the answer of no other "
+            "is the optimum of one convex problem, which has derivatives"
+        )
 
     def solved(tell: Tell) -> tuple[Scene, Solution]:
         scene = scene_named(order.scene)

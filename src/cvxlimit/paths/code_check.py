@@ -161,11 +161,17 @@ class CodeCheck:
         table.attrs = {"scene": self.scene_name, "source": SOURCE}
         return table
 
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """What whoever uses the numbers has to know, a sentence each."""
+        kind = "displacements are spectral, of the equivalent oscillator: not those of the path"
+        return (kind, *self.notes, SOURCE)
+
     def __str__(self) -> str:
         rows = [(name, f"{value:.6g} {unit}", said) for name, value, unit, said in self.rows]
         wide = [max(len(row[k]) for row in rows) for k in (0, 1)]
         lines = (f"{a:{wide[0]}}  {b:{wide[1]}}  {c}" for a, b, c in rows)
-        return "\n".join([f"code check of {self.scene_name!r}", *lines, *self.notes, SOURCE])
+        return "\n".join([f"code check of {self.scene_name!r}", *lines, *self.caveats])
 
     def plot(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """The capacity curve with both limit states; with ``path``, a file.

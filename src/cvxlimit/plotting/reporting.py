@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import date
 from html import escape
 from io import BytesIO
 from itertools import islice
@@ -18,10 +19,11 @@ from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.paths.path import PROVES, Path
 from cvxlimit.plotting.look import printable
 from cvxlimit.plotting.movement import motion
+from cvxlimit.plotting.paths import curve
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
 from cvxlimit.plotting.pictures.webpage import Page, asset
 from cvxlimit.plotting.registry import figures
-from cvxlimit.scene import Load, Scene, Units
+from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.solution.kinematics import ContactKind
@@ -44,14 +46,15 @@ def report(
     """The page of :meth:`cvxlimit.Solution.report`; ``digest`` is that of the scene."""
     scene = solution.scene
     given = {"Sensitivity": sensitivity, "Path": path, "Code check": check}
+    falling = solution if without_dilatancy is None else without_dilatancy
     sections = [
         ("Result", _table(_result(solution, without_dilatancy), "result")),
-        ("", _pictures(scene, solution)),
+        ("", _pictures(scene, falling)),
         ("Structure", _table(_structure(scene))),
         ("Loads", _table(_loads(scene, solution))),
         ("Joints", _table(_joints(scene))),
         ("Assumptions", _list(_assumptions(scene, solution))),
-        ("Mechanism", _table(_mechanism(scene, solution))),
+        ("Mechanism", _table(_mechanism(scene, falling))),
         *((name, _shown(value)) for name, value in given.items() if value is not None),
         ("How it was found", _table(_found(solution, digest))),
         ("", _SIGNATURE),
@@ -68,7 +71,16 @@ _SIGNATURE = """<p class="sign"><span>checked by</span><span>place and date</spa
 def _result(solution: Solution, without: Solution | None) -> Rows:
     unit = f" {solution.quantity_unit}".rstrip()
     value = "none" if solution.load_factor is None else rounded(solution.load_factor, 5)
-    yield solution.quantity, (solution.range_text or value) + unit
+    value, dilates = (solution.range_text or value) + unit, solution.dilatancy is not None
+    if without is not None and without.load_factor is not None:
+        yield f"{solution.quantity} without dilatancy", rounded(without.load_factor, 5) + unit
+        yield "which is", f"the lowest of the {len(without.members) or 1} that were found"
+        yield "which rests on", without.note or str(without.standing)
+        yield "with dilatancy", f"{value}, an upper bound of the number above"
+    elif dilates and solution.dilatancy.is_worth_a_word:  # type: ignore[union-attr]
+        yield solution.quantity, f"{value} with dilatancy: an upper bound without it"
+    else:
+        yield solution.quantity, value
     if solution.bracket.has_any:
         low, high = rounded_down(solution.lower, 6), rounded_up(solution.upper, 6)
         yield "bracket", f"between {low} and {high}{unit}, relative width {solution.gap:.1e}"
@@ -84,9 +96,6 @@ def _result(solution: Solution, without: Solution | None) -> Rows:
     elif solution.dilatancy is not None:
         share = 100.0 * solution.dilatancy.share
         yield "sliding", f"none that counts: dilatancy takes {share:.2g} % of the live load's work"
-    if without is not None and without.load_factor is not None:
-        found = f"{rounded(without.load_factor, 5)} ({without.flow}, {without.standing})"
-        yield "without dilatancy", found
 
 
 def _pictures(scene: Scene, solution: Solution) -> str:
@@ -99,17 +108,32 @@ def _pictures(scene: Scene, solution: Solution) -> str:
             drawings.append(("the mechanism", mechanism_of(scene, solution)))
         shown = ""
         for text, drawing in drawings:
-            file = BytesIO()
             sheet = made.Sheet(figsize=(4.6, 3.6), title="")
-            made.drawn(drawing, sheet).savefig(file, format="png", dpi=150)
-            data = base64.b64encode(file.getvalue()).decode("ascii")
-            shown += (
-                f'<figure><img alt="{text}" src="data:image/png;base64,{data}">'
-                f"<figcaption>{text[0].upper()}{text[1:]}</figcaption></figure>"
-            )
+            shown += _figure(made.drawn(drawing, sheet), text)
         return f'<div class="pictures">{shown}</div>'
     except ModelError as error:  # without Matplotlib the figures are still worth having
         return f"<p>{_text(f'no pictures: {error}')}</p>"
+
+
+def _curve(path: Path) -> str:
+    if len(path.scene.blocks) > MOST_BLOCKS:
+        return ""
+    try:
+        return (
+            f'<div class="pictures">{_figure(curve(path, figsize=(5.2, 2.9)), "the curve")}</div>'
+        )
+    except ModelError as error:
+        return f"<p>{_text(f'no curve: {error}')}</p>"
+
+
+def _figure(drawn: Any, text: str) -> str:
+    file = BytesIO()
+    drawn.savefig(file, format="png", dpi=150)
+    data = base64.b64encode(file.getvalue()).decode("ascii")
+    return (
+        f'<figure><img alt="{text}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{text[0].upper()}{text[1:]}</figcaption></figure>"
+    )
 
 
 def _structure(scene: Scene) -> Rows:
@@ -132,7 +156,7 @@ def _structure(scene: Scene) -> Rows:
         )
     yield from (("simplified", said) for said in scene.told)
     if not scene.told:
-        yield "simplified", "nothing: no near misses, no faces taken as planes they are not in"
+        yield "simplified", "nothing: gaps, overlaps and faces are as the scene has them"
 
 
 def _loads(scene: Scene, solution: Solution) -> Rows:
@@ -142,14 +166,27 @@ def _loads(scene: Scene, solution: Solution) -> Rows:
     ):
         if case == "live" and solution.quantity != LOAD_FACTOR:
             continue  # a reaction is under the dead load alone
-        said = "; ".join(_parts(load, scene.units)) or "none"
-        resultant = _vector(forces[:, :3].sum(axis=0), scene.units.force)
-        yield f"{case} load", f"{said}; {resultant} in all"
+        said = "; ".join(_parts(load, scene)) or "none"
+        yield f"{case} load", f"{said}; {_resultant(scene, forces)}"
     if solution.quantity == LOAD_FACTOR:
         yield "load factor", "multiplies the live load alone"
 
 
-def _parts(load: Load, units: Units) -> Iterator[str]:
+def _resultant(scene: Scene, forces: FloatArray) -> str:
+    """The sum of loads (free blocks, 6), and the point of its line that is nearest the blocks."""
+    centres = np.array([scene.blocks[i].centroid for i in scene.free])
+    total, middle = forces[:, :3].sum(axis=0), centres.mean(axis=0)
+    moment = (np.cross(centres - middle, forces[:, :3]) + forces[:, 3:]).sum(axis=0)
+    said = f"{_vector(total, scene.units.force)} in all"
+    size = float(np.linalg.norm(total))
+    if size <= 1e-9 * np.abs(forces[:, :3]).sum():
+        return said
+    at = middle + np.cross(total, moment) / size**2
+    return f"{said}, along a line through {_vector(at, scene.units.length)}"
+
+
+def _parts(load: Load, scene: Scene) -> Iterator[str]:
+    units = scene.units
     if load.gravity is not None:
         yield f"own weight along {_vector(load.gravity)}"
     if load.acceleration is not None:
@@ -170,8 +207,9 @@ def _parts(load: Load, units: Units) -> Iterator[str]:
         per = f"{units.force}/{units.length}"
         slope = max(float(np.linalg.norm(p.gradient)) for p in load.pressures)
         grows = f", growing by up to {slope:.4g} {per}³" if slope else ""
-        value = _range(np.array([p.pressure for p in load.pressures]))
-        yield f"pressures: {len(load.pressures)}, of {value} {per}²{grows}"
+        own = {block.id: block for block in scene.blocks}
+        values = np.array([x for p in load.pressures for x in p.extent(own[p.block])])
+        yield f"pressures: {len(load.pressures)}, of {_range(values)} {per}²{grows}"
 
 
 def _joints(scene: Scene) -> Rows:
@@ -218,8 +256,13 @@ def _mechanism(scene: Scene, solution: Solution) -> Rows:
         which = np.flatnonzero(moving.contacts.kind == kind).tolist()
         names = _names([scene.contacts.names[j] for j in which])
         yield f"joint {kind.name.lower()}", f"{len(which)} of {len(scene.contacts)}: {names}"
-    order = np.argsort(-moving.speed, kind="stable")
-    yield "fastest blocks", _names([scene.blocks[i].id for i in order if moving.speed[i] > 0.0])
+    speed = moving.speed / moving.speed.max()
+    free, rates = scene.free, moving.rates[scene.free]
+    if np.abs(rates - rates[0]).max() <= 1e-6 * np.abs(rates).max():
+        yield "moving blocks", f"all {len(free)} move alike"
+        return
+    order = np.argsort(-np.round(speed, 6), kind="stable")  # equal ones in the scene's order
+    yield "fastest blocks", _names([scene.blocks[i].id for i in order if speed[i] > 1e-6])
 
 
 def _found(solution: Solution, digest: str) -> Rows:
@@ -233,6 +276,7 @@ def _found(solution: Solution, digest: str) -> Rows:
     used = solution.versions or {"cvxlimit": __version__}
     yield "versions", ", ".join(f"{name} {number}" for name, number in used.items())
     yield "digest of the scene", digest
+    yield "page made on", date.today().isoformat()
     yield (
         "cite",
         (
@@ -260,7 +304,7 @@ def _shown(value: Any) -> str:
     """A path, a text, a table of pandas, rows of anything with ``rows``, or what it says of
     itself."""
     if isinstance(value, Path):
-        return _table(_path(value))
+        return _table(_path(value)) + _curve(value)
     if hasattr(value, "columns") and hasattr(value, "itertuples"):
         named = [value.index.name or "", *map(str, value.columns)]
         return _grid(value.itertuples(), named)
@@ -268,7 +312,8 @@ def _shown(value: Any) -> str:
         return _table((str(name), _plain(each)) for name, each in value.items())
     if hasattr(value, "rows"):
         rows = list(value.rows)
-        return _table(rows) if all(len(row) == 2 for row in rows) else _grid(rows)
+        shown = _table(rows) if all(len(row) == 2 for row in rows) else _grid(rows)
+        return shown + "".join(f"<p>{_text(line)}</p>" for line in getattr(value, "caveats", ()))
     return "".join(f"<p>{_text(line)}</p>" for line in str(value).splitlines()[:MOST_ROWS])
 
 

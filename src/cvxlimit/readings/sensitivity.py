@@ -118,7 +118,8 @@ class Sensitivity:
             by = self.elasticity(what) if self.factor else np.zeros(len(own))
             if np.abs(by).max(initial=0.0) > NOTHING:
                 total = by.sum() if abs(by.sum()) > NOTHING * np.abs(by).sum() else 0.0
-                found.append((what.replace("_", " "), f"{total:+.3g} % for 1 % more everywhere; "
+                found.append((what.replace("_", " "), f"load factor {total:+.3g} % for 1 % more "
+                              "everywhere; "
                               f"{_most(by, own, '%')}"))  # fmt: skip
         size, ids = np.linalg.norm(self.moves, axis=1), [block.id for block in scene.blocks]
         if size.max() > 0.0:
@@ -144,7 +145,10 @@ class Sensitivity:
             return f"{said}; other mechanisms have the same one, so that slopes may be one-sided"
         count = sum(int(flags.sum()) for flags in self.one_sided.values())
         if count:
-            return f"{said}; {count} slopes are one-sided, as the forces are not unique"
+            return (
+                f"{said}; {count} slopes differ upwards and downwards, as the forces are not "
+                "unique: what is said of one joint lies between the two (both_sides has both)"
+            )
         return said
 
     def both_sides(self, change: Callable[[float], Scene], step: float) -> tuple[float, float]:

@@ -82,7 +82,8 @@ def least_used_state(
     if load_factor is not None:
         raise InputError(
             f"no state of forces of {solution.scene_name!r} was found at load factor "
-            f"{load_factor:g}: ask for one from 0 to {solution.lower:g}, of a solution without interaction and ties"
+            f"{load_factor:g}: ask for one from 0 to {solution.lower:g}, of a solution without "
+            "interaction and ties"
         )
     return solution, f"{at}, in the state of forces that was found"
 

@@ -136,6 +136,14 @@ class Pressure:
         centre = share @ points / total if total else block.centroid
         return centre, forces.sum(axis=0), np.cross(points - centre, forces).sum(axis=0)
 
+    def extent(self, block: Block) -> tuple[float, float]:
+        """The least and the largest pressure at corners of what is loaded."""
+        at, corners = np.asarray(self.at or np.zeros(3)), self._triangles(block)
+        if self.at is not None and self.within is not None:
+            corners = cut_off(corners, (corners - at) @ np.asarray(self.within))
+        values = self.pressure + (corners - at) @ np.array(self.gradient)
+        return float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
+
     def _triangles(self, block: Block) -> FloatArray:
         if self.corners is not None:
             middle = np.mean(self.corners, axis=0)

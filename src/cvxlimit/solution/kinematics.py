@@ -193,7 +193,8 @@ zero-dilatancy) answers without dilatancy
             return ""
         short = f" (short by {100.0 * self.lacks:.1g} %)" if self.lacks > TOLERANCE else ""
         found = rounded(self.nearly, 4)
-        return f"; at a first look {found} holds without dilatancy{short}, and lower ones may exist"
+        what = "which is neither the lowest nor a bound"
+        return f"; at a first look {found} holds without dilatancy{short}, {what}"
 
 
 def dilatancy_of(
