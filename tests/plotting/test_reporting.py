@@ -230,13 +230,13 @@ def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert run(["solve", "stack", "--report", str(file)]) == 0
     assert f"written      {file}" in capsys.readouterr().out
     assert "signature" in file.read_text("utf-8")
-    assert run(["solve", "dam", "--report", str(file), "--without-dilatancy"]) == 0
+    assert run(["solve", "dam", "--report", str(file), "--no-dilatancy"]) == 0
     assert "load factor without dilatancy" in file.read_text("utf-8")
     assert run(["pushover", "single-block", "--code-check", "1.35", "--report", str(file)]) == 0
     assert "Circolare 7/2019" in file.read_text("utf-8")
     file.unlink()
     capsys.readouterr()
-    for wrong in (["--without-dilatancy"], ["--method", "zero-dilatancy", "--sensitivity"]):
+    for wrong in (["--no-dilatancy"], ["--method", "zero-dilatancy", "--sensitivity"]):
         asked = ["--report", str(file)] * ("--method" in wrong)
         assert run(["solve", "stack", *asked, *wrong]) == 2
         assert "goes with" in capsys.readouterr().err

@@ -223,9 +223,9 @@ class Order:
     report: Path | None = report_option()
     without_dilatancy: bool = option(
         "",
-        "With --report: the number without dilatancy first on its page (method zero-dilatancy).",
+        "Its number leads the report.",
         False,
-        "--without-dilatancy",
+        "--no-dilatancy",
         group=OUTPUT,
     )
     sensitivity: bool = option(
@@ -272,7 +272,7 @@ def solve_command(order: Order) -> ExitCode:
     files.check(order.scene)
     settings = order.settings()
     if order.without_dilatancy and order.report is None:
-        raise InputError("--without-dilatancy goes with --report, on whose page its number is")
+        raise InputError("--no-dilatancy goes with --report, on whose page its number is")
     if order.sensitivity and order.method not in (None, "convex"):
         raise InputError(
             f"--sensitivity goes with method convex, got {order.method!r}: the answer of no other "
