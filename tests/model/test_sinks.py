@@ -28,12 +28,12 @@ from cvxlimit.model.formulations import (
 from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.point_friction import PointFriction, at_corners
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.model.reserve import LeastUse
 from cvxlimit.model.sinks import Constraints
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.states.majorants import Point
 from cvxlimit.readings.states.support import whole_boxes
+from cvxlimit.readings.utilisation import LeastUse
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Condition, Conic, Norm, Rocking, YieldSurface

@@ -39,7 +39,7 @@ OUTSIDE = {"errors", "base", "geometry", "scene", "solution"}
 """All that files and pictures see besides themselves, and ``paths.path``; pictures also see how
 much of their strength contacts use, as surfaces and readings of Eq. 30 have it."""
 
-OWN_PICKLES = {"methods.interaction.branching.workers", "studies.rows"}
+OWN_PICKLES = {"studies.rows"}
 """Pickles that never leave the program: tasks for its own processes."""
 
 

@@ -28,8 +28,7 @@ from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import known
-from cvxlimit.solvers.exporting import FORMATS, write_program
-from cvxlimit.solvers.program import ConeProgram
+from cvxlimit.solvers.program import FORMATS, ConeProgram, write_program
 from cvxlimit.surfaces.coulomb import SurfaceName, surfaces_of
 
 

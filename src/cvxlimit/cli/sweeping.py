@@ -28,7 +28,7 @@ from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
-from cvxlimit.methods.interaction.branching.workers import processes
+from cvxlimit.methods.interaction.branching.search import processes
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.studies import sweep

@@ -20,8 +20,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import dead_load_falls, fallen
 from cvxlimit.methods.driver import Method, Run, Steps
-from cvxlimit.methods.interaction.branching.search import BranchAndBound
-from cvxlimit.methods.interaction.branching.workers import processes
+from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, basis, prove

@@ -12,8 +12,10 @@ from cvxpy.settings import OPTIMAL_INACCURATE
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.checks import RESIDUAL
 from cvxlimit.methods.driver import Run, Steps
 from cvxlimit.methods.standing import (
+    SOLVERS_ASIDE,
     Held,
     about_the_lower_end,
     held,
@@ -47,8 +49,6 @@ class _Numbers:
     no_force: float = 100000000.0
     # whether a load stands shows far from the optimum: forces inside are all that is asked of them
     loose: float = 0.1
-    solvers_aside: int = 2  # of the ladder: the first may fail where friction is huge
-    whole: float = 1.0 - 1e-06  # share of the dead load that is all: limits of 1 come out to 1e-8
 
 
 _N = _Numbers()
@@ -338,7 +338,8 @@ class ConvexSearch:
             return None, np.inf
         run, what = self.run, "dead load alone"
         run.tell("checking that the dead load can stand")
-        enough = 0.5 if self.certifier.strength.is_cone else _N.whole
+        # limits of 1 come out to 1e-8
+        enough = 0.5 if self.certifier.strength.is_cone else 1.0 - RESIDUAL
         with run.clock.phase("compile"):
             problem = self.problem
             # forces that carry some of it already, or loads that are not the scene's
@@ -363,7 +364,7 @@ class ConvexSearch:
         with run.clock.phase("compile"):
             goal, whole = largest_self_stress, found.best()
             problem = LimitProblem(found.assemblage, self.surfaces, goal=goal, reduction=whole)
-        for settings in problem.ladder()[: _N.solvers_aside]:
+        for settings in problem.ladder()[:SOLVERS_ASIDE]:
             state = run.solve(partial(problem.run, has_rows=False), settings)
             run.note(replace(state, load_factor=None), f"{settings}, self-stress")
             if state.mechanism is not None and self.certifier.offer_opening_field(state.mechanism):
@@ -414,7 +415,7 @@ class ConvexSearch:
         if solvers[0].name == "BLOCKWISE" and not run.ladder and self.certifier.strength.is_cone:
             others = (each for each in solvers if each.name != "BLOCKWISE")
             solvers = (settings_for("BLOCKWISE", _N.loose), *others)
-        for settings in solvers[: _N.solvers_aside]:
+        for settings in solvers[:SOLVERS_ASIDE]:
             state = run.solve(partial(problem.run, has_rows=has_rows), settings)
             run.note(replace(state, load_factor=None), f"{settings}, {what}")
             yield state, partial(certificate, state)

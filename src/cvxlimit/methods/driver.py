@@ -40,13 +40,15 @@ Solver = Callable[[SolverSettings], LimitState]
 """One run of one solver on a problem: ``LimitProblem(scene).run``, for example."""
 
 
+BOUNDLESS = 1e6
+"""Load factor, over dead load / live load of the loaded blocks, beyond which one asks whether the
+live load does any harm: no loads are meant to be so large."""
+
+
 @dataclass(frozen=True)
 class _Numbers:
     """What no method changes."""
 
-    # load factor, over dead load / live load of the loaded blocks, beyond which one asks whether
-    # the live load does any harm
-    boundless: float = 1000000.0
     # a cycle is one of 2 to 8 values that were run through three times: two could be chance
     laps: int = 3
     longest: int = 8
@@ -258,7 +260,7 @@ class Run:
     def is_boundless(self, load_factor: float | None) -> bool:
         """True for a load factor so large that there is no limit: solvers return 1e9 to 1e14
         there."""
-        return load_factor is not None and abs(load_factor) > _N.boundless * self.scaling.ratio
+        return load_factor is not None and abs(load_factor) > BOUNDLESS * self.scaling.ratio
 
     def by_block(self, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:
         """Rates (6,) of the free blocks, by id."""

@@ -21,8 +21,9 @@ from cvxlimit.solution import Iterate, LowerEnd
 from cvxlimit.solution.bracket import Bracket, rounded
 from cvxlimit.surfaces.base import YieldSurface, times
 
-_MOST_SOLVERS = 2
-"""Of the ladder: forces inside, and a mechanism that is exact enough, are all that is asked for."""
+SOLVERS_ASIDE = 2
+"""Of the ladder, for questions beside the load factor: forces inside, and a mechanism that is exact
+enough, are all that is asked for, and the first may fail where friction is huge."""
 
 
 def largest_share(stated: Stated) -> Any:
@@ -76,7 +77,7 @@ def held(
             goal=largest_share,
         )  # fmt: skip
     near = Held(None, 0.0, 0.0)
-    for settings in (run.ladder or problem.ladder())[:_MOST_SOLVERS]:
+    for settings in (run.ladder or problem.ladder())[:SOLVERS_ASIDE]:
         state = run.solve(problem.run, settings)
         label = f"{settings}, dead load with a part of the live load"
         run.note(replace(state, load_factor=None), label)

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, Formulation, corner_compressions
-from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.model.statics import BALANCED, DOF, Scaling, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers.sparse import Solve, factorised
 
@@ -73,11 +73,6 @@ class Assemblage:
         return self.statics.contacts
 
 
-_IDLE = 1e-11
-"""Stiffness, over the largest, against motions that nothing resists: a step leaves as much of the
-residual, and balances take two."""
-
-
 @dataclass(frozen=True, eq=False)
 class Balance:
     """Least changes of internal forces that restore equilibrium: one sparse factorisation.
@@ -131,7 +126,9 @@ class Balance:
         if self.statics.guide is not None:  # rates that guides prevent: any value will do
             square = square + (sp.eye_array(square.shape[0]) - self.statics.guide)
         if self.held is not None:  # ways to move that nothing resists; no load does work on them
-            idle = _IDLE * float(square.diagonal().max())
+            # against motions that nothing resists: a step leaves as much of the residual, and
+            # balances take two
+            idle = BALANCED * float(square.diagonal().max())
             square = square + idle * sp.eye_array(square.shape[0])
         free = int(self.statics.row_of_block.max()) + 1
         return factorised(square.tocsc(), square.shape[0] // free)

@@ -11,14 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.scene import Scene
-
-_ROUNDING = 1e-12
-"""Share of the cohesion by which c - mu t may be below zero: c = mu t is a fair choice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +40,8 @@ class Mortar:
         if not np.any(tension):
             return cls(scene, np.zeros(len(contacts)))
         cohesion = contacts.cohesion - contacts.friction * tension
-        short = np.flatnonzero(cohesion < -_ROUNDING * contacts.cohesion)
+        # c = mu t is a fair choice
+        short = np.flatnonzero(cohesion < -ROUNDING * contacts.cohesion)
         if len(short):
             j = int(short[0])
             raise ModelError(

@@ -14,14 +14,14 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.scene import Scene
 
-_BALANCED = 1e-11
+BALANCED = 1e-11
 """Residual of a block that counts as rounding, as a share of the forces acting on it."""
 
 _SMALLEST = 1e-100
 """Smallest total load: squares of smaller ones underflow."""
 
-_ZERO = 1e-6
-"""Load factors near 0 are measured by this share of :attr:`Scaling.ratio`."""
+ZERO = 1e-6
+"""Load factors near 0, and gaps there, are measured by this share of :attr:`Scaling.ratio`."""
 
 DOF = 6
 """Rows per free block: fx, fy, fz, mx, my, mz at its centroid."""
@@ -123,7 +123,7 @@ class Statics:
         load it would let a block of a millionth of the weight go unbalanced."""
         rest = block_sizes(self.residual(forces, load_factor), length)
         size = self.acting(forces, load_factor, length)
-        return bool(np.isfinite(size).all() and (rest <= _BALANCED * size).all())
+        return bool(np.isfinite(size).all() and (rest <= BALANCED * size).all())
 
     def acting(self, forces: FloatArray, load_factor: float, length: float) -> FloatArray:
         """Sum of the sizes of all forces and loads that act on each free block, (blocks,)."""
@@ -202,7 +202,7 @@ class Scaling:
     @property
     def least(self) -> float:
         """Size by which brackets that hold zero are measured."""
-        return _ZERO * self.ratio
+        return ZERO * self.ratio
 
     def unit(self, *load_factors: float) -> float:
         """What errors of load factors are measured by: the largest, or :attr:`least`."""

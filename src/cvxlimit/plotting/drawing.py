@@ -28,20 +28,22 @@ from cvxlimit.plotting.annotations import Annotations, annotated
 from cvxlimit.plotting.axes import Axes as Coordinates
 from cvxlimit.plotting.camera import Camera, default_camera
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
-from cvxlimit.plotting.keys import GLASS_LINE, contents_keys, notes_keys
 from cvxlimit.plotting.look import IMAGES, Saved
 from cvxlimit.plotting.movement import Motion, still
 from cvxlimit.plotting.picture import Fill, Seen, seen
 from cvxlimit.plotting.sheet import (
+    GLASS_LINE,
     KEYS,
     PAPER,
     Fit,
     Letters,
     Sheet,
     columns_of,
+    contents_keys,
     fitted,
     lines_of,
     measured,
+    notes_keys,
 )
 from cvxlimit.scene import Scene
 

@@ -35,11 +35,9 @@ class _Numbers:
     spare: float = 0.2
     """Share of the yield function's range that a dead-load state is to keep in reserve: with 0.1
     states end so near the surfaces that friction of 1e-6 to 1e6 costs 2e-5 of the load factor."""
-    opening_reserve: float = 0.2
-    opening_overshoot: float = 1.9
     opening_iterations: int = 50
-    """Opening fields aim at rates of 1; with this reserve and relaxation projections take half the
-    iterations of plain ones. Where they do not end, a solver does
+    """Opening fields aim at rates of 1; with as much to spare and relaxed so, projections take half
+    the iterations of plain ones. Where they do not end, a solver does
     (:func:`~cvxlimit.model.goals.largest_self_stress`)."""
     attempts: tuple[tuple[float, int], ...] = ((0.1, 60), (0.1, 100), (0.01, 100), (0.0001, 60))
     """Least corner compression, as a share of what the lighter of the two blocks would give if its
@@ -274,7 +272,7 @@ class Witnesses:
     def _opened(self, rates: FloatArray, missing: FloatArray) -> FloatArray:
         model, contacts = self._balance.model, self.statics.contacts
         mu, at = contacts.friction, model.contact
-        lack = _N.opening_overshoot * np.maximum(missing + _N.opening_reserve, 0.0) / (1.0 + mu**2)
+        lack = _N.overshoot * np.maximum(missing + _N.spare, 0.0) / (1.0 + mu**2)
         arm = np.where(model.is_moment, contacts.torsion_arm[at], 1.0)
         slips = np.where(model.nonneg, 0.0, arm * rates)
         size = np.sqrt(np.bincount(at, slips**2, len(contacts)))

@@ -16,8 +16,7 @@ from cvxlimit.masonry import random_wall, single_block, stack
 from cvxlimit.masonry.walls import SIZES
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, drive
-from cvxlimit.methods.interaction.branching.search import BranchAndBound
-from cvxlimit.methods.interaction.branching.workers import processes
+from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
 from cvxlimit.readings.named import parse_moments
 from determinate import DETERMINATE, MOMENTS, TOP_TWIST, exact, hexagons, prism, upper
 from helpers import hand_equilibrium, interaction_excess

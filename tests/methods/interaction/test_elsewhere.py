@@ -40,6 +40,6 @@ def test_a_dask_clients_executor() -> None:
 
 
 def _explorers() -> int:
-    from cvxlimit.methods.interaction.branching import workers
+    from cvxlimit.methods.interaction.branching import search as workers
 
     return len(workers._known)

@@ -28,10 +28,9 @@ from cvxlimit.io.fields import (
 )
 from cvxlimit.io.geometry.bodies import Body, natural, separated
 from cvxlimit.io.geometry.compas import bodies_of, is_compas, is_object, read_compas
-from cvxlimit.io.geometry.digits import is_single, too_few_digits
+from cvxlimit.io.geometry.digits import is_single, too_few_digits, with_noise
 from cvxlimit.io.geometry.dxf import read_dxf
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh
-from cvxlimit.io.geometry.noise import with_noise
 from cvxlimit.io.geometry.obj import read_obj
 from cvxlimit.io.geometry.off import read_off
 from cvxlimit.io.geometry.sheets import is_sheet, slab, thickness_for

@@ -14,6 +14,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
+from cvxlimit.model.statics import ZERO
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load, combined
 from cvxlimit.solution import Status
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
     from cvxlimit.plotting.pictures.webpage import Page
 
 Answer = Literal["carried", "not carried", "open"]
-
-LEAST = 1e-6
-"""Load factors, over their natural size, below which gaps are measured by this size instead."""
 
 WINDOW = 100.0
 """Load factors, over their natural size, up to which gaps are sought: beyond, what is not carried
@@ -155,7 +153,7 @@ class LoadDomain:
     def centre(self) -> FloatArray:
         """From where gaps are measured, in natural units: zero where it is inside, else a mean."""
         zero = np.zeros(len(self.units))
-        if self.inner is None or self.inner.margin(zero) > LEAST:
+        if self.inner is None or self.inner.margin(zero) > ZERO:
             return zero
         points = self.inner.points
         return np.asarray(points.mean(axis=0) if len(points) > 1 else points[0])
@@ -173,7 +171,7 @@ class LoadDomain:
         window = np.full(len(centre), WINDOW)
         corners = self.outer.within(-window, window).corners(inner, centre)
         size = np.linalg.norm(corners - centre, axis=1)
-        corners = corners[size > LEAST]
+        corners = corners[size > ZERO]
         room = inner.offsets - inner.normals @ centre
         speed = (corners - centre) @ inner.normals.T
         share = np.min(room / np.maximum(speed, 1e-300), axis=1, initial=1.0)
@@ -228,7 +226,7 @@ class LoadDomain:
         upper = -np.inf if self.is_empty else self.outer.reach(zero, along)[1]
         low, high = self._along(along) if self.inner is None else self.inner.reach(zero, along)
         lower = high if low <= high else -np.inf
-        least = LEAST / float(np.abs(along).max())
+        least = ZERO / float(np.abs(along).max())
         return Bracket(lower, upper, self.is_proved, self.is_proved, least)
 
     def _along(self, along: FloatArray) -> tuple[float, float]:
@@ -276,7 +274,7 @@ class LoadDomain:
         far = 0.5 * WINDOW if len(self.rays) else WINDOW  # in between it is hardly more than a ray
         near = np.vstack([points[np.abs(points).max(axis=1) < far], self.centre])
         low, high = near.min(axis=0), near.max(axis=0)
-        size = np.where(high - low > LEAST, high - low, (high - low).max() or 1.0)
+        size = np.where(high - low > ZERO, high - low, (high - low).max() or 1.0)
         spare = (0.6 if len(self.rays) else 0.12) * size
         box = np.stack([low - spare, high + spare]) if frame is None else frame / self.units
         inner = self.inner

@@ -16,7 +16,7 @@ import numpy as np
 from cvxlimit.base.arrays import EPSILON, FloatArray
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.driver import Run, packed
+from cvxlimit.methods.driver import BOUNDLESS, Run, packed
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.goals import LargestFactor, Stated, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
@@ -37,9 +37,6 @@ from cvxlimit.surfaces.coulomb import needed_surfaces
 
 _MOST_SOLVERS = 3
 """Solvers of the ladder that one question may take."""
-
-WIDEST = 1e6
-"""Load factors, over their natural size, beyond which no loads are meant to be."""
 
 _AT_WINDOW, _WIDER = 0.99, 100.0
 """Share of the window from which a load factor counts as stopped by it, and by how much it is then
@@ -212,11 +209,11 @@ class Structure:
             if self._is_tight(raw):
                 break
         if not found:
-            return list(islice(self.raw(direction, WIDEST, None), 1))
+            return list(islice(self.raw(direction, BOUNDLESS, None), 1))
         if np.abs(found[0].factors).max() < _AT_WINDOW * window:
             return found
         rays = list(islice(self.raw(direction, 1.0, 0.0), 1))
-        if window < WIDEST and not any(raw.factors @ direction > FLAT for raw in rays):
+        if window < BOUNDLESS and not any(raw.factors @ direction > FLAT for raw in rays):
             return [*rays, *self.answers(direction, window * _WIDER)]
         return [*rays, *found]
 
@@ -358,7 +355,7 @@ class Structure:
         rounding = float(np.abs(self.dead) @ size) + abs(opened.dissipation)
         rounding += float((np.abs(self.forces).T @ size) @ np.maximum(np.abs(raw.factors), 1.0))
         length = float(np.linalg.norm(normal))
-        if offset < -WIDEST * length - 1e-9 * rounding and opened.is_allowed:
+        if offset < -BOUNDLESS * length - 1e-9 * rounding and opened.is_allowed:
             return np.zeros(len(self.units)), -1.0, True  # nothing at all is carried
         if not (np.isfinite(offset) and length > 1e-9 * rounding):
             return none

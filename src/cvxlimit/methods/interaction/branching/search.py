@@ -7,10 +7,12 @@ load factor; that node comes first.
 from __future__ import annotations
 
 import heapq
+import signal
 import uuid
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from dataclasses import replace
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,14 +21,64 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.branching.nodes import Explored, Goal, Node, Relaxer, explore
 from cvxlimit.methods.interaction.branching.tightening import tightened_root
-from cvxlimit.methods.interaction.branching.workers import Task
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.methods.interaction.settings import BRANCH
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.states.pressure import centres
 from cvxlimit.readings.states.support import whole_boxes
-from cvxlimit.solvers import LimitState, Outcome
+from cvxlimit.solvers import LimitState, Outcome, SolverSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A relaxer on its way to another process: what it is made of, and ``key``, its name."""
+
+    key: str
+    assemblage: Assemblage
+    moments: Moments
+    ladder: tuple[SolverSettings, ...]
+    opening: FloatArray | None
+
+    @classmethod
+    def of(cls, key: str, relaxer: Relaxer, assemblage: Assemblage) -> Task:
+        opening = relaxer.certifier.witnesses.opening_field
+        # without factorisations, which do not travel
+        bare = replace(assemblage, balance=Balance.of(assemblage.statics), repeats=None)
+        return cls(key, bare, relaxer.moments, relaxer.ladder, opening)
+
+    def __call__(self, nodes: Sequence[Node], goal: Goal) -> Explored:
+        """Explore nodes in this process, which keeps the relaxer for the next ones."""
+        relaxer = _known.get(self.key)
+        if relaxer is None:
+            relaxer = Relaxer(self.assemblage, self.moments, self.ladder, self.opening)
+            _known.clear()
+            _known[self.key] = relaxer
+        return explore(relaxer, nodes, goal)
+
+
+_known: dict[str, Relaxer] = {}
+"""The relaxer of this process, one at a time."""
+
+
+@contextmanager
+def processes(workers: int) -> Iterator[Executor | None]:
+    """So many processes for :class:`BranchAndBound`, none for one; Ctrl-C does not reach them."""
+    if workers < 2:
+        yield None
+        return
+    pool = ProcessPoolExecutor(workers, initializer=_deaf)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _deaf() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
 
 _State = tuple[FloatArray, float]  # forces, and the load factor with which they are in equilibrium
 

@@ -7,9 +7,8 @@ import pytest
 
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError
-from cvxlimit.model.reserve import least_used
 from cvxlimit.model.statics import Statics
-from cvxlimit.readings.utilisation import least_used_state, utilisations
+from cvxlimit.readings.utilisation import least_used, least_used_state, utilisations
 from cvxlimit.surfaces import utilisation
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 
