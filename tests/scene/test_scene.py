@@ -172,6 +172,15 @@ class TestFrameAndUnits:
         np.testing.assert_allclose(other.contacts.area, base.contacts.area * 1e6)
         assert other.contacts.names == base.contacts.names
 
+    @pytest.mark.parametrize(("unit", "times", "said"), [
+        ("m", 1.0, ""), ("mm", 1000.0, ""), ("furlong", 1000.0, ""),
+        ("m", 1000.0, "is 1.73e+03 m across: are coordinates in m?"),
+    ])  # fmt: skip
+    def test_stones_of_no_quarry_are_told(self, unit: str, times: float, said: str) -> None:
+        found = scene().in_units(Units(unit, "kN"), times, 1.0)
+        assert said in " ".join(found.told)
+        assert bool(found.told) == bool(said)
+
     def test_scaled_contacts_are_those_of_the_scaled_scene(self) -> None:
         base = builtin_scene("arch")
         scaled = base.contacts.scaled(1e3)

@@ -32,6 +32,7 @@ from cvxlimit.surfaces import (
     TorsionShear,
     YieldSurface,
     parse_cone,
+    slip_resistance,
 )
 from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_of
 from helpers import (
@@ -422,6 +423,26 @@ class TestRowsWritten:
 
         with pytest.raises(ModelError, match=r"Half is named 'rocking'.*another name"):
             solve(single_block(), [Half(), TorsionShear()])
+
+    def test_cohesion_is_not_left_out_in_silence(self) -> None:
+        class Slip(Sliding):
+            def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+                return [Condition([Norm({"V1": 1}, {"V2": 1})], {"N": contacts.friction})]
+
+        class Whole(Sliding):
+            def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+                return [Condition([Norm({"V1": 1}, {"V2": 1})], slip_resistance(contacts))]
+
+        scene = single_block((1.0, 1.0, 0.2), friction=0.1).with_cohesion(0.5)
+        with pytest.raises(
+            ModelError, match=r"'sliding' would leave the scene's cohesion out.*0\)"
+        ):
+            solve(scene, [Rocking(), Slip()])
+        own = solve(scene, [Rocking(), Whole()])
+        assert own.load_factor == pytest.approx(solve(scene, [Rocking(), Sliding()]).load_factor)
+        dry = solve(scene.with_cohesion(0), [Rocking(), Slip()])
+        assert dry.load_factor == pytest.approx(0.1, rel=1e-6)
+        assert solve(scene, [Rocking()]).status == "certified"  # what never slips loses none
 
     def test_no_python_object_per_contact(self) -> None:
         small, large = (

@@ -30,6 +30,9 @@ from cvxlimit.scene.ties import Tie, with_ties
 __all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Units"]
 
 METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+
+_VAST = 100.0
+"""Metres: no stone is as large, nor a facade that is taken as one; bricks in millimetres are."""
 """Units of length that can be converted, in metres."""
 
 
@@ -168,9 +171,13 @@ class Scene(RemadeFromFields, SceneJoints):
 
     @property
     def told(self) -> tuple[str, ...]:
-        """What detection leaves out or simplifies, a sentence each: near misses, lumped faces."""
+        """What detection leaves out or simplifies, and stones of no quarry, a sentence each."""
         lumped = "" if self.lumped is None else str(self.lumped)
-        return tuple(said for said in (self.near_miss_note, lumped) if said)
+        unit, vast = self.units.length, ""
+        most = METRES.get(unit, 0.0) * max(self.blocks[i].size for i in self.free)
+        if most > _VAST:
+            vast = f"the largest block is {most:.3g} m across: are coordinates in {unit}?"
+        return tuple(said for said in (self.near_miss_note, lumped, vast) if said)
 
     @cached_property
     def _detection(self) -> Detection:

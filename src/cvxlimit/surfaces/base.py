@@ -66,8 +66,7 @@ class Condition:
     norms : sequence of Norm
         May be empty: then the resistance itself must not be negative.
     resistance : LinearForm
-        For Coulomb friction ``{"N": contacts.friction}``, with cohesion
-        ``{"N": contacts.friction, "1": contacts.cohesion * contacts.area}``.
+        For Coulomb friction and cohesion :func:`slip_resistance`.
     contact : (k,) int array or None
         Contact of each row (a polygon's edges or corners, say), from which components are taken;
         None means one row per contact. Coefficients have that length.
@@ -112,7 +111,7 @@ class YieldSurface(ABC):
     ...     name = "ellipse"
     ...     def conditions(self, contacts):
     ...         size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / contacts.torsion_arm})
-    ...         return [Condition([size], {"N": contacts.friction})]
+    ...         return [Condition([size], slip_resistance(contacts))]
     >>> Ellipse().name
     'ellipse'
 
@@ -335,6 +334,20 @@ def product(first: Coefficient, second: Coefficient) -> Any:
     if isinstance(first, cp.Expression) or isinstance(second, cp.Expression):
         return cp.multiply(first, second)
     return first * second
+
+
+def slip_resistance(contacts: Contacts) -> LinearForm:
+    """mu N (Eq. 10), and c A where the scene has cohesion: the most that slip works against.
+
+    >>> from cvxlimit import builtin_scene
+    >>> scene = builtin_scene("tuff-wall")
+    >>> [[*slip_resistance(s.contacts)] for s in (scene, scene.with_cohesion(0.5))]
+    [['N'], ['N', '1']]
+    """
+    friction: dict[str, Coefficient] = {"N": contacts.friction}
+    if is_some(contacts.cohesion):
+        friction[CONSTANT] = product(contacts.cohesion, contacts.area)
+    return friction
 
 
 def express(form: LinearForm, forces: Mapping[str, Any], contact: IntArray | None = None) -> Any:

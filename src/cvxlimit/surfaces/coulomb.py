@@ -11,13 +11,11 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.surfaces.base import (
     CONSTANT,
-    Coefficient,
     Condition,
-    LinearForm,
     Norm,
     YieldSurface,
     is_some,
-    product,
+    slip_resistance,
 )
 from cvxlimit.surfaces.cones import Cone, Conic, Facets, Parabola, parse_cone
 from cvxlimit.surfaces.exact_torsion import parabola_arm
@@ -37,14 +35,6 @@ class Rocking(YieldSurface):
         contact, inward, offset = contacts.edges
         inside = {"N": 1, "M2": -inward[:, 0] / offset, "M1": inward[:, 1] / offset}
         return [Condition((), inside, contact)]
-
-
-def slip_resistance(contacts: Contacts) -> LinearForm:
-    """mu N (Eq. 10), and c A where the scene has cohesion: the most that slip works against."""
-    friction: dict[str, Coefficient] = {"N": contacts.friction}
-    if is_some(contacts.cohesion):
-        friction[CONSTANT] = product(contacts.cohesion, contacts.area)
-    return friction
 
 
 class Sliding(YieldSurface):
@@ -134,6 +124,21 @@ def strength_key(surfaces: Sequence[YieldSurface], contacts: Contacts) -> Hashab
         return None
     asked = tuple((type(s), s.cone) for s in surfaces)
     return asked, *(getattr(contacts, name).tobytes() for name in PROPERTIES)
+
+
+def refuse_lost_cohesion(surfaces: Sequence[YieldSurface], contacts: Contacts) -> None:
+    """Cohesion is part of what slip works against, which surfaces of one's own may have forgotten."""
+    if not is_some(contacts.cohesion):
+        return
+    for surface in surfaces:
+        own = () if type(surface) in BUILT_IN.values() else surface.conditions(contacts)
+        slips = [c.resistance for c in own if c.norms and "N" in c.resistance]
+        if slips and not any(CONSTANT in resistance for resistance in slips):
+            raise ModelError(
+                f"surface {surface.name!r} would leave the scene's cohesion out: write "
+                'slip_resistance(contacts), of cvxlimit.surfaces, in place of {"N": '
+                "contacts.friction}, or take it away with scene.with_cohesion(0)"
+            )
 
 
 def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...]:
