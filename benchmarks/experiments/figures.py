@@ -253,6 +253,13 @@ def changed_source(figure: Figure, value: float) -> None:
     SourceFileLoader.get_code = get_code  # type: ignore[method-assign, assignment]
 
 
+def forgotten() -> None:
+    """What this process has loaded of the package, other experiments' imports among them, is loaded
+    again when it is asked for."""
+    for name in [name for name in sys.modules if name.split(".")[0] == "cvxlimit"]:
+        del sys.modules[name]
+
+
 def in_a_child(what: Any) -> Any:
     """What the function returns in a process of its own; None where that does not live."""
     reader, writer = os.pipe()
@@ -276,6 +283,7 @@ def in_a_child(what: Any) -> Any:
 
 def trial(kind: str, names: set[str], changed: tuple[Figure, float] | None, runs: int) -> Any:
     def run() -> Found:
+        forgotten()
         if changed is not None:
             changed_source(*changed)
         return solved(kind, names, runs)
