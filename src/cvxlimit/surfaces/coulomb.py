@@ -127,7 +127,7 @@ def strength_key(surfaces: Sequence[YieldSurface], contacts: Contacts) -> Hashab
 
 
 def refuse_lost_cohesion(surfaces: Sequence[YieldSurface], contacts: Contacts) -> None:
-    """Cohesion is part of what slip works against, which surfaces of one's own may have forgotten."""
+    """Cohesion is part of what slip works against, which one's own surfaces may have forgotten."""
     if not is_some(contacts.cohesion):
         return
     for surface in surfaces:
