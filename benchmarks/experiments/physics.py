@@ -16,7 +16,7 @@ from benchmarks.charts import few_ticks, figure_of, name_lines, save, top_legend
 from benchmarks.experiment import Head, Lines, Part, experiment
 from cvxlimit import Scene, Solution, builtin_scene, solve
 from cvxlimit.compare.models import Method, Model, Row
-from cvxlimit.compare.registry import physics_registry
+from cvxlimit.compare.registry import registry
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
@@ -135,7 +135,7 @@ def by_size(most: int) -> list[str]:
 
 def measured(folder: Path) -> Lines:
     """All models on all built-in scenes."""
-    models = {**physics_registry(), "zero-dilatancy": Members()}
+    models = {**registry(), "zero-dilatancy": Members()}
     models["exact"] = Model("exact", "exact", method="exact", tolerance=EXACT)
     result: dict[str, dict[str, Row]] = {}
     yield Head("scene", *CHARTED)

@@ -18,10 +18,12 @@ from benchmarks.runs import Limits, run_apart
 from benchmarks.scenes import scene_of
 from cvxlimit.compare.comparison import side_by_side
 from cvxlimit.compare.models import Row
-from cvxlimit.compare.registry import choose, interaction_registry, registry
+from cvxlimit.compare.registry import choose, registry
 
 REFERENCE_SECONDS = 1200.0
 """For a reference, without which there are no errors."""
+PLAIN = ("cvxlimit*", "conic/*", "octagon*", "??-gon*", "literal/*")
+"""The paper's problem without interaction, by all methods."""
 OWN = '"conic/corners/clarabel-qdldl/*" "conic/corners/qoco/*" "*/blockwise-*/1e-8"'
 
 
@@ -35,8 +37,7 @@ def suite(
     memory: float = 8.0, docs: Path | None = None,
 ) -> Lines:  # fmt: skip
     """Many methods on a scene, or those that match patterns: time against true error."""
-    every = [*(registry() | interaction_registry()).values(), *baselines().values()]
-    chosen = choose(methods, every) if methods else [m for m in every if m.interaction == "none"]
+    chosen = choose(methods or PLAIN, [*registry().values(), *baselines().values()])
     run = partial(run_apart, limits=Limits(limit, memory))
     refer = partial(run_apart, limits=Limits(max(limit, REFERENCE_SECONDS), memory))
     rows = side_by_side(chosen, scene_of(scene), repeat, run=run, refer=refer)

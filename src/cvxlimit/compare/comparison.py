@@ -20,13 +20,7 @@ from cvxlimit.base.files import write_file
 from cvxlimit.base.progressbar import progress_bar
 from cvxlimit.compare.chart import draw_against_facets, draw_time_against_error, on_front
 from cvxlimit.compare.models import PHASES, Method, Reference, Row
-from cvxlimit.compare.registry import (
-    choose,
-    interaction_registry,
-    of_facets,
-    physics_registry,
-    registry,
-)
+from cvxlimit.compare.registry import choose, of_facets, registry
 from cvxlimit.errors import CvxlimitError, ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.scene import Scene, check_scene
@@ -199,9 +193,8 @@ def compare(
     ----------
     scene : Scene
     models : (sequence of) str or Model, or None
-        Names from :func:`cvxlimit.compare.registry.registry`, ``interaction_registry`` and
-        ``physics_registry`` beside it, with ``*`` and ``?``, surfaces as sweeps take them
-        (``"16-gon"``), or your own
+        Names from :func:`cvxlimit.compare.registry.registry`, with ``*`` and ``?``, surfaces as
+        sweeps take them (``"16-gon"``), or your own
         :class:`~cvxlimit.compare.models.Model`, with surfaces of your own if you like.
         None is :data:`DEFAULT_MODELS`, or none besides ``facets``.
     facets : sequence of int or None
@@ -255,7 +248,7 @@ def compare(
 def _methods(models: Sequence[str | Method]) -> list[Method]:
     if not isinstance(models, Sequence):
         raise ModelError(f"models must be names or Model objects, got {models!r}")
-    known = [*(registry() | interaction_registry() | physics_registry()).values()]
+    known = [*registry().values()]
     result: dict[str, Method] = {}
     for model in models:
         for method in choose([model], known) if isinstance(model, str) else [model]:
