@@ -172,6 +172,7 @@ def _verdict(path: Displacements) -> ExitCode:
 
 
 def _widths(path: Displacements) -> list[float]:
-    """Of all brackets, over the first load factor: the last ones hold zero."""
+    """Returns the widths of all brackets over the first load factor, since the last ones hold
+    zero."""
     brackets = [each.bracket for each in path if each.bracket is not None]
     return [(each.upper - each.lower) / abs(path.load_factor[0]) for each in brackets]

@@ -34,7 +34,8 @@ class Work(Generic[T]):
         self._thread, self._is_over = Thread(target=self._run, daemon=True), Event()
 
     def tell(self, message: str) -> None:
-        """Where the work stands; nothing is shown from its thread, whose locks Ctrl-C may break."""
+        """Notes where the work stands; nothing is shown from its thread, whose locks Ctrl-C may
+        break."""
         if getattr(message, "has_bracket", False):
             self._reached, self._now, self.has_result = message, "", True
         else:
@@ -82,7 +83,8 @@ class Work(Generic[T]):
 
 
 def with_result(tell: Tell) -> Tell:
-    """For work that would return what it has at every message, if it were interrupted then."""
+    """Returns what work tells that would return what it has at every message, if it were
+    interrupted then."""
 
     def told(message: str) -> None:
         reached = ProgressLine(message)

@@ -94,7 +94,8 @@ def check_outputs(
 
 
 def _typed(option: str, path: Path) -> str:
-    """As it was written: ``--plot thrust:out.png``, ``--json out.json``."""
+    """Returns option and file as they were written: ``--plot thrust:out.png``, ``--json
+    out.json``."""
     return f"{option}{path}" if option.endswith(":") else f"{option} {path}"
 
 

@@ -327,8 +327,8 @@ def least_carried(forces: FloatArray) -> float:
 
 
 def pressure_centres(contacts: Contacts, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where forces (n, 6) press: (e1, e2) = (-M2, M1) / N (n, 2) in the contact's plane, and (n, 3)
-    in space; NaN where a contact carries nothing."""
+    """Returns where forces (n, 6) press: (e1, e2) = (-M2, M1) / N (n, 2) in the contact's plane,
+    and (n, 3) in space; NaN where a contact carries nothing."""
     normal = forces[:, COLUMN["N"]]
     safe = np.where(normal > least_carried(forces), normal, np.nan)
     centre = np.stack([-forces[:, COLUMN["M2"]], forces[:, COLUMN["M1"]]], axis=1) / safe[:, None]

@@ -94,8 +94,8 @@ def _numbered(asked: IntArray, pairs: IntArray) -> tuple[BoolArray, IntArray]:
 
 
 def _agreed(faces: Joints, key: IntArray, count: int) -> BoolArray:
-    """Where the normals of both sides agree with each other better than with a mean one: variances
-    over the faces that are within the tolerance of each other, weighted by area."""
+    """Tells where the normals of both sides agree with each other better than with a mean one:
+    variances over the faces that are within the tolerance of each other, weighted by area."""
     area = faces.found.area * faces.is_within
     whole = np.maximum(np.bincount(key, area, count), 1e-300)
     mean = [np.bincount(key, area * faces.axes[:, 2, c], count) / whole for c in range(3)]
@@ -105,7 +105,7 @@ def _agreed(faces: Joints, key: IntArray, count: int) -> BoolArray:
 
 
 def _is_wide(faces: Joints, key: IntArray, borne: FloatArray) -> BoolArray:
-    """Where the faces that bear are together wider than the tolerance: their area over their
+    """Tells where the faces that bear are together wider than the tolerance: their area over their
     length. Each for itself may be narrower, as those of a fine mesh are."""
     faces, key = faces.take(np.flatnonzero(faces.joined)), key[faces.joined]
     allowed, reach = np.zeros(len(borne)), np.zeros(len(borne))

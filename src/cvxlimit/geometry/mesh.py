@@ -151,7 +151,8 @@ def surface(points: FloatArray, faces: Sequence[Sequence[int]]) -> float:
 def volume_and_centroid(
     points: FloatArray, faces: Sequence[Sequence[int]]
 ) -> tuple[float, FloatArray]:
-    """By the divergence theorem; exact for closed surfaces whose normals point out."""
+    """Computes both by the divergence theorem, exact for closed surfaces whose normals point
+    out."""
     origin = points.mean(axis=0)
     corners = fan(points, faces)[0] - origin
     volumes = np.linalg.det(corners) / 6.0

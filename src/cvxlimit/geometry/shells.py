@@ -34,9 +34,9 @@ class Shells:
 
     @classmethod
     def of(cls, points: FloatArray, faces: Sequence[Sequence[int]], table: EdgeTable) -> Shells:
-        """Of faces over ``points`` (k, 3), whose sides are ``table``. A single closed shell is
-        turned so that it encloses a positive volume; which of several lie within another, and are
-        cavities, is not looked at."""
+        """Makes the shells of faces over ``points`` (k, 3), whose sides are ``table``. A single
+        closed shell is turned so that it encloses a positive volume; which of several lie within
+        another, and are cavities, is not looked at."""
         sheet, turned, folds = _sheets(table, len(faces))
         broken = sheet[table.face[table.uses[table.key] % 2 == 1]]
         closed = ~np.isin(sheet, np.append(broken, sheet[folds]))
@@ -56,7 +56,7 @@ def _loops(faces: Sequence[Sequence[int]]) -> Faces:
 
 
 def volumes(points: FloatArray, faces: Sequence[Sequence[int]], shell: IntArray) -> FloatArray:
-    """Of each shell, with the sign of how its faces go round."""
+    """Returns the volume of each shell, with the sign of how its faces go round."""
     triangles, face = mesh.fan(points, faces)
     result = np.zeros(int(shell.max(initial=-1)) + 1)
     np.add.at(result, shell[face], np.linalg.det(triangles - points.mean(axis=0)) / 6.0)

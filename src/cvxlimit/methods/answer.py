@@ -56,7 +56,7 @@ class Answer:
         forces: FloatArray | None,
         internal: FloatArray | None = None,
     ) -> Answer:
-        """With a better lower bound, and the forces that have it."""
+        """Returns the answer with a better lower bound, and the forces that have it."""
         bracket = self.bracket.raised(lower, is_proved)
         if bracket is not self.bracket:
             kept = self if self.bracket.lower_is_proved else self.sure
@@ -74,7 +74,7 @@ class Answer:
         return self
 
     def lowered(self, upper: float, is_proved: bool, mechanism: FloatArray | None) -> Answer:
-        """With a better upper bound, and the mechanism that has it."""
+        """Returns the answer with a better upper bound, and the mechanism that has it."""
         bracket = self.bracket.lowered(upper, is_proved)
         if bracket is self.bracket:
             return self

@@ -166,12 +166,13 @@ class ConvexSearch:
         return status or Status.NOT_CERTIFIED
 
     def held(self) -> Held:
-        """With which part of the live load the dead load stands that does not stand alone."""
+        """Finds with which part of the live load the dead load stands that does not stand alone."""
         found = self.reductions
         return held(self.run, found.assemblage, self.surfaces, found.best(), self.certifier)
 
     def _between(self) -> Steps:
-        """Both ends of the interval of load factors, where the dead load does not stand alone.
+        """Finds both ends of the interval of load factors, where the dead load does not stand
+        alone.
 
         The lower end is minus the largest factor of the live load turned round. Both brackets refer
         to one state inside, which carries a load factor of its own. If that is negative all are,

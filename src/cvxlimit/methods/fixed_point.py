@@ -153,7 +153,7 @@ class FixedPoint(Method):
         return Status.NOT_CONVERGED
 
     def _band(self, history: Sequence[Iterate], last: int) -> Iteration:
-        """Where the paper would have stopped, and the band of the last iterates."""
+        """Returns where the paper would have stopped, and the band of the last iterates."""
         small = (
             (number, entry.load_factor)
             for number, entry in enumerate(history, 1)

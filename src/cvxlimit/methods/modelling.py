@@ -40,7 +40,8 @@ class OneProblem(Convex):
         return status
 
     def _own(self, run: Run, problem: LimitProblem) -> Steps:
-        """With limits or an aim of the user's: both bounds, where all of them are linear."""
+        """Solves with limits or an aim of the user's, with both bounds, where all of them are
+        linear."""
         search = ConvexSearch(run, "full", self.tolerance, self.budget, problem)
         limits, proof, why = problem.linear_limits(), None, ""
         if isinstance(limits, str):

@@ -417,7 +417,8 @@ class _Again:
                 yield Check("mechanism", False, f"its live power is {power:.7g} in place of 1")
 
     def _ends(self, found: Sequence[Bracket]) -> Iterator[Check]:
-        """Both bounds beside those found; any of these may be the one that was found first."""
+        """Compares both bounds with those found; any of these may be the one that was found
+        first."""
         held = self.solution.bracket
         for end, rounding in (("lower", rounded_down), ("upper", rounded_up)):
             value = float(getattr(held, end))

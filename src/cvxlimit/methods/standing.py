@@ -46,7 +46,8 @@ class Held(NamedTuple):
 
     @property
     def remark(self) -> str:
-        """Where no part of the live load holds it: whether the live load turned round does."""
+        """Says, where no part of the live load holds the dead load, whether the live load turned
+        round does."""
         if self.state is None:
             return "" if self.resistance else "whether a part of the live load holds it is open"
         if self.factor > 0.0:
@@ -64,7 +65,8 @@ def held(
     reduction: Reduction,
     certifier: Certifier,
 ) -> Held:
-    """With which part of the live load the dead load stands, or a proof that it does with none.
+    """Finds with which part of the live load the dead load stands, or a proof that it does with
+    none.
 
     An interior-point solver ends among all states that carry the whole dead load, so that the one
     it gives is well inside where any is. Where there is none, rates on which the live load does no
@@ -113,7 +115,7 @@ def _resistance(run: Run, certifier: Certifier, mechanism: FloatArray) -> float:
 
 
 def refuse_an_interval(factor: float) -> None:
-    """For methods that ask for a dead load that stands alone.
+    """Refuses an interval for methods that ask for a dead load that stands alone.
 
     Raises
     ------
@@ -140,7 +142,7 @@ def lower_end(turned: Run, known: float) -> LowerEnd:
 
 
 def about_the_lower_end(iterate: Iterate) -> Iterate:
-    """As it stands in the history: its numbers are those of another load."""
+    """Returns the iterate as it stands in the history: its numbers are those of another load."""
     label = f"{iterate.solver}, least load factor"
     return replace(iterate, solver=label, load_factor=None, lower=None, upper=None)
 

@@ -45,7 +45,8 @@ class Assemblage:
         return cls(scene, statics, scaling or Scaling.of(scene), Balance.of(statics))
 
     def of_less(self, statics: Statics) -> Assemblage:
-        """With ``statics`` of a part: it shares nothing, as no other scene has its contacts."""
+        """Returns the mechanics with ``statics`` of a part: it shares nothing, as no other scene
+        has its contacts."""
         return replace(self, statics=statics, balance=Balance.of(statics), repeats=None)
 
     def under(self, dead: FloatArray, live: FloatArray) -> Assemblage:
@@ -58,7 +59,8 @@ class Assemblage:
         return self.under(np.zeros_like(load), load)
 
     def like(self, scene: Scene) -> Assemblage:
-        """With other strengths, densities and loads; equilibrium and its factorisation are kept."""
+        """Returns the mechanics with other strengths, densities and loads; equilibrium and its
+        factorisation are kept."""
         dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
         statics = replace(self.statics.under(dead, live), contacts=scene.contacts)
         statics.__dict__["matrix"] = self.statics.matrix
@@ -167,8 +169,8 @@ class Equilibrium:
         cls, matrix: sp.csr_array, loads: FloatArray, scaling: Scaling,
         rates: sp.csr_array | None = None,
     ) -> Equilibrium:  # fmt: skip
-        """Of a scaled matrix along all ways; ``loads`` (k, 6 free blocks) say which rows may have
-        some."""
+        """Makes the equilibrium of a scaled matrix along all ways; ``loads`` (k, 6 free blocks) say
+        which rows may have some."""
         size = np.abs(loads).sum(axis=0)
         if rates is not None:
             matrix, size = (rates @ matrix).tocsr(), abs(rates) @ size

@@ -56,7 +56,8 @@ class PlasticField:
 
 
 def recession_of(formulation: Formulation) -> Formulation:
-    """Without the constants of its conditions: in which directions forces may grow."""
+    """Returns the formulation without the constants of its conditions: in which directions forces
+    may grow."""
 
     def recession(contacts: Contacts) -> ForceModel:
         model = model_of(formulation, contacts)

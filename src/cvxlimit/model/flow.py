@@ -177,8 +177,8 @@ class FlowRule(StrengthRows):
         return rows.multiply(~self._is_coupled[:, None]).tocsr() if self._is_coupled.any() else rows
 
     def symbolic(self, rates: cp.Expression, unit: FloatArray | None = None) -> SymbolicFlow:
-        """For CVXPY: what allows ``rates`` (p,) of the internal forces, and their dissipation,
-        which ``unit`` (n,) divides contact by contact."""
+        """States for CVXPY what allows ``rates`` (p,) of the internal forces, and their
+        dissipation, which ``unit`` (n,) divides contact by contact."""
         sides: list[Any] = []
         rest, lost = rates, cp.Constant(0.0)
         for sign, rows in ((1.0, self.resistance), (-1.0, self.norms)):
@@ -201,8 +201,8 @@ class FlowRule(StrengthRows):
         return SymbolicFlow(into.all, lost, multipliers, flows)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
-        """Of relative rates (n, 6), with as little dissipation as the missing opening allows: exact
-        where the conditions determine the flow, otherwise an upper bound."""
+        """Returns the shortfall of relative rates (n, 6), with as little dissipation as the missing
+        opening allows: exact where the conditions determine the flow, otherwise an upper bound."""
         inner = np.asarray(self.model.resultant_map.T @ rates.ravel())
         return self._completed(inner, *self._proposal(inner, True))
 

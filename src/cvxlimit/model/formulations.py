@@ -369,7 +369,8 @@ def _product(root: str, first: Numbers, second: Numbers, contact: IntArray) -> C
 def with_field(
     model: ForceModel, weak: IntArray, placing: Placing, divisions: IntArray
 ) -> ForceModel:
-    """With pressures at points of weak contacts in place of compressions at their corners."""
+    """Returns the model with pressures at points of weak contacts in place of compressions at their
+    corners."""
     contacts = model.contacts
     names = [part.name for part in model.parts]
     if _COMPRESSIONS not in names or any(

@@ -94,7 +94,7 @@ class Given:
         return _with_tension(cls(whole, plain.contacts, dead, live, symbols, weight, symbolic))
 
     def at_present(self) -> Assemblage:
-        """With the Parameters' present values in the scene's place."""
+        """Returns the mechanics with the Parameters' present values in the scene's place."""
         if not self.is_symbolic:
             return self.assemblage
         check_values(self.parameters())

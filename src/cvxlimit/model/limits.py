@@ -168,7 +168,7 @@ class OwnLimits:
         )  # fmt: skip
 
     def places(self, program: ConeProgram) -> IntArray:
-        """Where the rows stand among those of a program: last of each kind."""
+        """Returns where the rows stand among those of a program: last of each kind."""
         zero, nonneg, cones = self.dims.zero, self.dims.nonneg, sum(self.dims.soc)
         ends = program.zero, program.zero + program.nonneg, len(program.right)
         counts = zip(ends, (zero, nonneg, cones), strict=True)

@@ -71,7 +71,7 @@ class ExactFlow:
         return self.edges.mean_slip(rates[:, :2], rates[:, COLUMN["MT"]])
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
-        """Of relative rates (n, 6); cohesion dissipates."""
+        """Returns the shortfall of relative rates (n, 6); cohesion dissipates."""
         slip = self.mean_slip(rates)
         opening = self.contacts.corner_minimum(corner_openings(rates, self.contacts))
         lost = float((self.contacts.cohesion * self.contacts.area) @ slip)

@@ -96,6 +96,6 @@ def _fan(polygon: FloatArray, size: float) -> FloatArray:
 
 
 def _areas(cells: FloatArray) -> FloatArray:
-    """Of parallelograms; twice those of triangles."""
+    """Returns the areas of parallelograms; twice those of triangles."""
     u, v = cells[:, 1] - cells[:, 0], cells[:, -1] - cells[:, 0]
     return np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])

@@ -186,7 +186,7 @@ class LimitProblem(Changeable):
 
     @cached_property
     def problem(self) -> cp.Problem:
-        """In CVXPY, every constraint with its label."""
+        """The problem in CVXPY, every constraint with its label."""
         _, goal = self._in_cvxpy
         into = Constraints()
         into.named = dict(self.constraints)

@@ -113,7 +113,7 @@ class Form:
         return Form(self.theta, at[self.row], self.column, self.value, constant, self.slot)
 
     def values(self, x: FloatArray) -> FloatArray:
-        """At unknowns x, and the Parameters' present values."""
+        """Returns the values at unknowns x, and the Parameters' present values."""
         if self.first is not None:
             return np.asarray(x[self.first : self.first + self.size])
         value = self.value if self.slot is None else self.value * self.theta.values()[self.slot]
@@ -121,7 +121,7 @@ class Form:
         return np.asarray(np.bincount(self.row, value * each, self.size) + self.constant)
 
     def matrix(self, width: int) -> sp.csr_array:
-        """Of forms without Parameters, constants left out."""
+        """Returns the matrix of forms without Parameters, constants left out."""
         entries = self.value, (self.row, self.column)
         return sp.csr_array(entries, shape=(self.size, width))
 

@@ -130,7 +130,7 @@ class Statement:
 
     @cached_property
     def _matrix(self) -> sp.csr_array:
-        """Of equilibrium along all six ways of all free blocks, scaled."""
+        """Returns the matrix of equilibrium along all six ways of all free blocks, scaled."""
         if self.repeats is None or not self._is_whole:
             return self._scaled()
         result: sp.csr_array = self.repeats.shared("matrix", self.model.contacts, self._scaled)

@@ -33,7 +33,7 @@ class Theta:
         self._parts: list[Source | tuple[IntArray, IntArray]] = []
 
     def slots(self, source: Source) -> IntArray:
-        """Where the values (k,) of an expression stand, in column order."""
+        """Returns where the values (k,) of an expression stand, in column order."""
         if id(source) not in self._sources:
             self._sources[id(source)] = source, self._take(source, source.size)
         return self._sources[id(source)][1]
@@ -50,7 +50,7 @@ class Theta:
         return np.arange(self.size - size, self.size)
 
     def values(self) -> FloatArray:
-        """At the Parameters' present values.
+        """Returns the entries at the Parameters' present values.
 
         Raises
         ------

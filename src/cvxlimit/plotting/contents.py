@@ -90,8 +90,8 @@ class Drawing:
 
     @property
     def scales(self) -> list[tuple[float, float, str]]:
-        """Of each kind of force that is drawn to scale: the length of a unit, that of the longest
-        arrow, and its colour."""
+        """Returns for each kind of force that is drawn to scale the length of a unit, that of the
+        longest arrow, and its colour."""
         found = []
         if self.lines is not None and self.lines.each is not None and len(self.lines.ends):
             run = self.lines.ends[:, 1] - self.lines.ends[:, 0]

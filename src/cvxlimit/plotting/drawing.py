@@ -60,8 +60,8 @@ class SceneFigure(Figure, Saved):
         return self.file("png")
 
     def file(self, kind: str) -> bytes:
-        """As a ``png``, ``svg`` or ``pdf``, the same bytes for the same figure; a character that
-        the font lacks is a box."""
+        """Returns the figure as a ``png``, ``svg`` or ``pdf``, the same bytes for the same figure;
+        a character that the font lacks is a box."""
         buffer = io.BytesIO()
         dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
         with warnings.catch_warnings(), rc_context({"svg.hashsalt": "cvxlimit"}):
@@ -197,7 +197,7 @@ def _lines(
 def _draw_arrow(
     axes: Axes, ends: FloatArray, colour: Any, width: float, zorder: float, halo: bool
 ) -> None:
-    """From one point (2,) to another, its head no longer than half of it."""
+    """Draws an arrow from one point (2,) to another, its head no longer than half of it."""
     style = {
         "arrowstyle": "-|>,head_length=0.32,head_width=0.14", "lw": width, "color": colour,
         "shrinkA": 0, "shrinkB": 0, "mutation_scale": 6.0 + 6.0 * width, "joinstyle": "miter",

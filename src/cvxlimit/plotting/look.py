@@ -104,7 +104,7 @@ THINNEST = 0.22
 
 
 def moving_joints(scene: Scene, moving: Motion, widest: float = 1.0) -> Marking:
-    """As wide as they move, so that many small slips do not hide what fails."""
+    """Marks joints as wide as they move, so that many small slips do not hide what fails."""
     what = moving.contacts
     kinds = {kind: KIND_COLOURS[kind] for kind in KIND_COLOURS if moving.moves}
     slides = np.isin(what.kind, (ContactKind.SLIDES, ContactKind.TWISTS))

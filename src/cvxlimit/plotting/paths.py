@@ -132,7 +132,8 @@ def _numbers(path: Path) -> dict[str, Any]:
 
 
 def _motions(path: Path) -> list[Motion]:
-    """Of every configuration, in the colours of the one that is farthest from rest."""
+    """Returns the motion of every configuration, in the colours of the one that is farthest from
+    rest."""
     alone = [moved_by(path.scene, each.displacements) for each in path]
     farthest = max(alone, key=lambda moving: moving.largest)
     return [replace(moving, speed=farthest.speed) for moving in alone]

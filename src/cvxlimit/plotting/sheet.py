@@ -107,7 +107,8 @@ class Letters:
         return float(max(usual * narrow * given / 10.0, min(PAPER.least, given)))
 
     def setting(self, name: str) -> float:
-        """Of letters that Matplotlib's settings give a size, such as ``axes.labelsize``."""
+        """Returns the size of letters that Matplotlib's settings give a size, such as
+        ``axes.labelsize``."""
         settings: Any = rcParams  # whose keys have types of their own in some versions
         usual = FontProperties(size=settings[name]).get_size_in_points()
         return self.size(float(usual * 10.0 / rcParams["font.size"]))

@@ -158,7 +158,7 @@ def _half_plane(plane: FloatArray, points: FloatArray) -> shapely.Geometry:
 
 
 def _positive(t: FloatArray, ahead: FloatArray) -> tuple[float, float] | None:
-    """Where between two parameters a linear function is positive."""
+    """Returns where between two parameters a linear function is positive."""
     if (ahead <= 0.0).all():
         return None
     if (ahead < 0.0).any():
@@ -178,8 +178,8 @@ def _gaps(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def outlines(regions: Regions, patch: IntArray, grid: float) -> list[FloatArray]:
-    """Where surfaces end, as closed lines (k, 2): those of faces of one ``patch`` have none between
-    them."""
+    """Returns where surfaces end, as closed lines (k, 2): those of faces of one ``patch`` have none
+    between them."""
     order = np.argsort(patch, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(patch[order])) + 1) if len(order) else []
     return [ring for own in groups for ring in rings(union(regions[own], grid))]

@@ -141,7 +141,7 @@ def _mesh(
 
 
 def _texts(name: str, texts: Sequence[str]) -> Any:
-    """As VTK keeps them: PyVista itself takes ASCII only."""
+    """Returns texts as VTK keeps them: PyVista itself takes ASCII only."""
     from vtkmodules.vtkCommonCore import vtkStringArray
 
     array = vtkStringArray()

@@ -316,8 +316,8 @@ class Certifier:
         return max(0.0, *(float((y / (y - inside)).max()) for y, inside in over))
 
     def _largest_force(self, x: FloatArray | None, contacts: IntArray | None = None) -> float:
-        """At some contacts (k,), or all: blocks that wedge each other may press with far more than
-        the loads, and it shows."""
+        """Returns the largest force at some contacts (k,), or all: blocks that wedge each other may
+        press with far more than the loads, and it shows."""
         if x is None:
             return 0.0
         sizes = block_sizes(self.strength.forces(x), self.size)

@@ -21,10 +21,10 @@ from cvxlimit.model.statics import DOF, Statics
 def glued(
     assemblage: Assemblage, mechanism: FloatArray, share: float
 ) -> tuple[Assemblage, FloatArray, IntArray] | None:
-    """With blocks glued that a mechanism (free, 6) moves apart by less than a ``share`` of the
-    largest rate; the rates (bodies, 6) of each body's first block; the contacts (k,) left. None if
-    nothing is glued, or all to the supports, and with ties or guides: they are no contacts.
-    """
+    """Returns the mechanics with blocks glued that a mechanism (free, 6) moves apart by less than a
+    ``share`` of the largest rate; the rates (bodies, 6) of each body's first block; the contacts
+    (k,) left. None if nothing is glued, or all to the supports, and with ties or guides: they are
+    no contacts."""
     statics = assemblage.statics
     if statics.guide is not None or assemblage.scene.ties:
         return None
@@ -49,10 +49,10 @@ def glued(
 def without_idle(
     assemblage: Assemblage, forces: FloatArray, share: float
 ) -> tuple[Assemblage, FloatArray] | None:
-    """Without contacts whose forces (n, 6) are below ``share`` of the largest, and blocks that none
-    touches any more; and the others' forces. None if no contact is left out, if some blocks then
-    lack any support, as one that bears a load would, and with ties or guides.
-    """
+    """Returns the mechanics without contacts whose forces (n, 6) are below ``share`` of the largest,
+    and blocks that none touches any more; and the others' forces. None if no contact is left out,
+    if some blocks then lack any support, as one that bears a load would, and with ties or
+    guides."""
     statics = assemblage.statics
     if statics.guide is not None or assemblage.scene.ties:
         return None

@@ -54,8 +54,8 @@ class OwnCertifier:
         return float(self.limits.right[j] / self.limits.factor[j])
 
     def excess(self, x: FloatArray, alpha: float) -> FloatArray:
-        """By how much forces (n, 6) exceed each limit (k,), rounding against them; zero for the
-        equation that gives the load factor, which is kept to."""
+        """Returns by how much forces (n, 6) exceed each limit (k,), rounding against them; zero for
+        the equation that gives the load factor, which is kept to."""
         limits, flat = self.limits, x.ravel()
         size = self._matrix_sizes @ np.abs(flat) + np.abs(limits.factor * alpha)
         size += np.abs(limits.right)
@@ -80,7 +80,8 @@ class OwnCertifier:
         return self._bound(opened.rates, lam, opened.dissipation) if opened.is_allowed else np.inf
 
     def _bound(self, u: FloatArray, lam: FloatArray, dissipation: float) -> float:
-        """From rates and multipliers with this dissipation: the load factor's weight is made k."""
+        """Returns the bound that follows from rates and multipliers with this dissipation: the load
+        factor's weight is made k."""
         limits, flat = self.limits, u.ravel()
         weight = float(self.statics.live @ flat + limits.factor @ lam)
         size = float(np.abs(self.statics.live) @ np.abs(flat) + np.abs(limits.factor * lam).sum())
@@ -160,7 +161,7 @@ class OwnCertifier:
         self, x: FloatArray | None, alpha: float | None, reserve: tuple[FloatArray, float] | None,
         mechanism: FloatArray | None, multipliers: FloatArray | None,
     ) -> Bracket:  # fmt: skip
-        """Both bounds of the aim; infinite where something is missing."""
+        """Returns both bounds of the aim; infinite where something is missing."""
         lower, upper = -np.inf, np.inf
         if mechanism is not None and multipliers is not None:
             upper = self.upper(mechanism, multipliers)

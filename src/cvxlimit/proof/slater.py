@@ -175,7 +175,8 @@ class Witnesses:
     def _find_dead_state(
         self, compression: FloatArray, iterations: int, patience: int
     ) -> FloatArray | None:
-        """None as soon as ``patience`` iterations leave more than half of what was missing."""
+        """Returns a dead state, None as soon as ``patience`` iterations leave more than half of
+        what was missing."""
         z, missing = self._carried(np.zeros(len(self._balance.weights))), list[float]()
         accelerated = _Accelerated()
         for _ in range(iterations):
@@ -218,7 +219,8 @@ class Witnesses:
         return self._blended(pushed, centred)[0]
 
     def _blended(self, z: FloatArray, inner: FloatArray) -> tuple[FloatArray, bool]:
-        """As far from ``inner`` towards z as leaves a reserve, and whether ``inner`` has one."""
+        """Returns a state as far from ``inner`` towards z as leaves a reserve, and whether
+        ``inner`` has one."""
         share, is_inside = np.zeros(len(self.statics.contacts)), True
         for (y, contact), (y_inner, _) in zip(self._excess(z), self._excess(inner), strict=True):
             goal = _N.spare * y_inner
@@ -238,7 +240,8 @@ class Witnesses:
 
     @cached_property
     def _rows(self) -> StrengthRows | None:
-        """None where some forces are resisted by nothing, of which only states know."""
+        """Returns the rows, None where some forces are resisted by nothing, of which only states
+        know."""
         if self._balance.held is not None:
             return None
         flow = self.strength.flow

@@ -93,8 +93,8 @@ class Strength:
     def shared(
         cls, assemblage: Assemblage, surfaces: Sequence[YieldSurface], formulation: Formulation
     ) -> Strength:
-        """As the constructor makes it. What follows from contacts and surfaces alone is made once
-        for all scenes that have these, where the assemblage keeps anything."""
+        """Returns what the constructor makes. What follows from contacts and surfaces alone is made
+        once for all scenes that have these, where the assemblage keeps anything."""
         own = partial(cls, assemblage, surfaces, formulation)
         about, contacts = strength_key(surfaces, assemblage.contacts), assemblage.contacts
         if assemblage.repeats is None or about is None or formulation is not corner_compressions:

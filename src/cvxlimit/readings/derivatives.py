@@ -192,8 +192,8 @@ def _by_joint(proof: Proof, name: str) -> FloatArray:
 
 
 def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], BoolArray]:
-    """By the joints' own values, and by all vertices (v, 3) through the joints' geometry; and which
-    vertices (v,) are on edges where two blocks end together."""
+    """Returns the derivatives by the joints' own values, and by all vertices (v, 3) through the
+    joints' geometry; and which vertices (v,) are on edges where two blocks end together."""
     contacts = proof.scene.contacts
     vertices, shared = np.zeros((start[-1], 3)), np.zeros(start[-1], dtype=bool)
     shapes = proof.shapes

@@ -48,7 +48,7 @@ class SymmetricHalf:
         return cls(kept, dropped, whole.forces, whole.rates)
 
     def reduction(self, whole: Reduction) -> Reduction:
-        """Of a full model."""
+        """Returns the reduction of a full model to this half."""
         contacts = whole.contacts.take(self.kept)
         return replace(whole, contacts=contacts, forces=self.forces, rates=self.rates)
 

@@ -178,8 +178,8 @@ class Sensitivity:
 
     @cached_property
     def moves(self) -> FloatArray:
-        """By a move of every block (blocks, 3) in the scene's order, its neighbours where they
-        were: the sums over its vertices. Where these cancel but for rounding, zero."""
+        """The derivative by a move of every block (blocks, 3) in the scene's order, its neighbours
+        where they were: the sums over its vertices. Where these cancel but for rounding, zero."""
         total = np.array([by.sum(axis=0) for by in self.vertices.values()])
         most = max(float(np.abs(by).sum(axis=0).max()) for by in self.vertices.values())
         return np.where(np.abs(total) > NOTHING * most, total, 0.0)

@@ -111,7 +111,8 @@ class Plane:
         return replace(self, contacts=self.contacts.take(rows), conditions=smaller)
 
     def with_strength(self, surfaces: Sequence[YieldSurface]) -> Plane | None:
-        """With the surfaces' conditions; None if they are not those of a plane."""
+        """Returns the plane with the surfaces' conditions; None if they are not those of a
+        plane."""
         each = np.arange(len(self.contacts))
         y = np.pad(self.across, ((0, 0), (0, 1)))
         if not is_invariant(surfaces, self.contacts, each, reflected(y)):

@@ -82,7 +82,7 @@ class SupportMotion:
         return SupportMotion(self.supports, *ways, about)  # type: ignore[arg-type]
 
     def scaled(self, length: float) -> SupportMotion:
-        """With lengths in another unit."""
+        """Returns the motion with lengths in another unit."""
         about = None if self.about is None else tuple(length * np.array(self.about))
         return replace(self, direction=tuple(length * np.array(self.direction)), about=about)
 

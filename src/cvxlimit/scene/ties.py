@@ -66,7 +66,7 @@ class Tie:
         return replace(self, start=start, end=end)
 
     def scaled(self, length: float, force: float) -> Tie:
-        """In other units."""
+        """Returns the tie in other units."""
         start, end = (tuple(length * np.array(p)) for p in (self.start, self.end))
         return replace(self, start=start, end=end, yield_force=force * self.yield_force)
 

@@ -46,14 +46,14 @@ class Bracket:
     least: float = 0.0
 
     def raised(self, lower: float, is_proved: bool) -> Self:
-        """With a better lower bound; a lower one changes nothing."""
+        """Returns the bracket with a better lower bound; a lower one changes nothing."""
         if not lower > self.lower:
             return self
         return replace(self, lower=float(lower), lower_is_proved=is_proved)
 
     def lowered(self, upper: float, is_proved: bool) -> Self:
-        """With a better upper bound; a higher one changes nothing, unless it proves an equal
-        one."""
+        """Returns the bracket with a better upper bound; a higher one changes nothing, unless it
+        proves an equal one."""
         proof = self.unit * ROUNDING if is_proved and not self.upper_is_proved else 0.0
         if not upper < self.upper + proof:
             return self
@@ -117,7 +117,7 @@ class Bracket:
         return float(np.clip(load_factor, self.lower, max(self.lower, self.upper)))
 
     def shown(self, digits: int) -> str:
-        """Both ends, rounded outwards to so many digits.
+        """Shows both ends, rounded outwards to so many digits.
 
         >>> Bracket(0.4230561, 0.4230593).shown(5)
         '[0.42305, 0.42306]'

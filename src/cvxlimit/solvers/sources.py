@@ -13,7 +13,8 @@ HERE = Path(__file__).parent
 
 
 def digest(folder: Path = HERE) -> str:
-    """Of the C below a folder, however its lines end; empty where there is none."""
+    """Returns a digest of the C below a folder, however its lines end; empty where there is
+    none."""
     files = sorted(path for ending in ("c", "h") for path in folder.glob(f"**/*.{ending}"))
     texts = [path.read_bytes().replace(b"\r\n", b"\n") for path in files]
     return hashlib.sha256(b"\0".join(texts)).hexdigest()[:16] if texts else ""

@@ -44,8 +44,8 @@ class PatchedProblem:
 
     @classmethod
     def of(cls, given: Assemblage, surface: Any) -> PatchedProblem | None:
-        """None where rows are not those of other values: for surfaces of one's own, and where some
-        contacts are infinitely strong and others are not."""
+        """Returns the problem, None where rows are not those of other values: for surfaces of one's
+        own, and where some contacts are infinitely strong and others are not."""
         contacts = given.contacts
         if strength_key(surfaces_of(surface)[0], contacts) is None:
             return None

@@ -98,7 +98,8 @@ def _of_assembly(nodes: Mapping[str, Any]) -> Iterator[Body]:
 
 
 def _of_network(content: Mapping[str, Any]) -> Iterator[Body]:
-    """As COMPAS 0.x writes it; its networks call nodes vertices, in some versions."""
+    """Reads a network as COMPAS 0.x writes it; its networks call nodes vertices, in some
+    versions."""
     network = mapping(content["assembly"], "the assembly")
     nodes = mapping(network.get("node") or network.get("vertex") or {}, "nodes of the assembly")
     blocks = mapping(content["blocks"], "blocks of the assembly")

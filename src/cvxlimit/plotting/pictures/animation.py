@@ -88,7 +88,7 @@ class Animation(Saved):
                 raise ModelError(f"ffmpeg could not write the video: {error}") from error
 
     def file(self, kind: str) -> bytes:
-        """As a ``gif`` or ``mp4``."""
+        """Returns the film as a ``gif`` or ``mp4``."""
         return self.gif if kind == "gif" else self.mp4
 
     def _repr_html_(self) -> str:

@@ -82,7 +82,7 @@ def _apart(scene: Scene, gap: float) -> Motion:
 
 
 def _dots(scene: Scene, solution: Solution | None, used: FloatArray) -> Iterator[Decal]:
-    """Where joints are pressed that carry something."""
+    """Returns where joints are pressed that carry something."""
     if solution is None:
         return
     contacts = scene.contacts

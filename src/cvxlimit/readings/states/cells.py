@@ -353,7 +353,7 @@ class ArmBounds:
 
 
 def _least_of(bounds: FloatArray) -> FloatArray:
-    """Of bounds (p, b, 3) those (p, 3) with the least sum."""
+    """Returns of bounds (p, b, 3) those (p, 3) with the least sum."""
     least = bounds.sum(axis=2).argmin(axis=1)
     return np.asarray(bounds[np.arange(len(bounds)), least])
 

@@ -58,7 +58,7 @@ class Disjuncts:
 
     @property
     def names(self) -> list[bytes]:
-        """Of each disjunct: its contact, and where that presses."""
+        """Names each disjunct by its contact, and where that presses."""
         table = np.column_stack([self.contact, self.centre, self.spread])
         return table.view(f"V{table.itemsize * table.shape[1]}").ravel().tolist()
 

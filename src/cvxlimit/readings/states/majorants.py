@@ -35,7 +35,8 @@ class Point:
 
     @classmethod
     def of(cls, forces: FloatArray, contacts: Contacts, otherwise: Point, least: float) -> Point:
-        """From forces (n, 6); contacts with N below ``least`` keep their place in ``otherwise``."""
+        """Makes points from forces (n, 6); contacts with N below ``least`` keep their place in
+        ``otherwise``."""
         normal = forces[:, [COLUMN["N"]]]
         pressed = normal >= least
         shear = forces[:, [COLUMN["V1"], COLUMN["V2"]]] / np.where(pressed, normal, 1.0)

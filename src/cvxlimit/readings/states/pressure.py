@@ -30,13 +30,14 @@ class Pressure:
 
     @classmethod
     def of(cls, forces: FloatArray, contacts: Contacts, epsilon: float = 0.0) -> Pressure:
-        """From forces (n, 6), with N + ``epsilon`` for N in Eq. 31, which takes contacts that carry
-        next to nothing for pressed near their centres: bounds are without it."""
+        """Makes pressures from forces (n, 6), with N + ``epsilon`` for N in Eq. 31, which takes
+        contacts that carry next to nothing for pressed near their centres: bounds are without
+        it."""
         return cls.at(eccentricities(forces, epsilon), contacts)
 
     @classmethod
     def at(cls, centre: FloatArray, contacts: Contacts) -> Pressure:
-        """At pressure centres (n, 2)."""
+        """Makes pressures at centres (n, 2)."""
         e1, e2 = centre.T
         return cls(e1, e2, effective_arm(e1, e2, contacts))
 

@@ -239,7 +239,7 @@ def _least(
 
 
 def _roots(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Both solutions of a s^2 - 2 b s + c = 0, zero where there are none."""
+    """Returns both solutions of a s^2 - 2 b s + c = 0, zero where there are none."""
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
     larger = b + np.copysign(root, b)
     far = np.divide(larger, a, out=np.zeros_like(larger), where=a != 0.0)

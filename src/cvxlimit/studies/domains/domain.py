@@ -151,7 +151,8 @@ class LoadDomain:
 
     @cached_property
     def centre(self) -> FloatArray:
-        """From where gaps are measured, in natural units: zero where it is inside, else a mean."""
+        """The place from where gaps are measured, in natural units: zero where it is inside, else a
+        mean."""
         zero = np.zeros(len(self.units))
         if self.inner is None or self.inner.margin(zero) > ZERO:
             return zero

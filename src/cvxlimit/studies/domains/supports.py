@@ -167,7 +167,7 @@ class Structure:
         self._proved: WeakKeyDictionary[Raw, Support] = WeakKeyDictionary()
 
     def acting(self, direction: FloatArray) -> FloatArray:
-        """Without sums of loads that are no load at all."""
+        """Returns the direction without sums of loads that are no load at all."""
         return direction - self.idle.T @ (self.idle @ direction)
 
     # What solvers say

@@ -291,9 +291,9 @@ class Experience:
 
 
 def choice(relaxer: Relaxer, node: Node) -> Split | None:
-    """Where to split: at the contact that carries most of the gap, as far as splits there have
-    closed any. Those at rest count for much: what moves in one of many mechanisms of a node may be
-    at rest in the next."""
+    """Chooses where to split: at the contact that carries most of the gap, as far as splits there
+    have closed any. Those at rest count for much: what moves in one of many mechanisms of a node
+    may be at rest in the next."""
     if node.forces is None or node.mechanism is None:
         return _widest(relaxer, node)
     score = scores(relaxer, node, BRANCH.at_rest) * relaxer.experience.expected

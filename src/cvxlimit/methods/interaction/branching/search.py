@@ -220,7 +220,8 @@ class BranchAndBound:
 
     @property
     def _may_climb(self) -> bool:
-        """As long as climbs take their share, which falls with every one that gains nothing."""
+        """Is true as long as climbs take their share, which falls with every one that gains
+        nothing."""
         in_vain = 1.0 + float(self._in_vain.min()) / BRANCH.patience
         return in_vain * self._climbed < BRANCH.climbing * self.solves
 

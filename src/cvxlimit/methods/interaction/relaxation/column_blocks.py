@@ -171,7 +171,7 @@ def stacked(entries: list[Entry], shape: tuple[int, int]) -> sp.csc_array:
 
 
 def _grouped(of: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Where members are when sorted by group, and where groups start."""
+    """Returns where members are when sorted by group, and where groups start."""
     order = np.argsort(of, kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(len(of))
@@ -179,7 +179,7 @@ def _grouped(of: IntArray, count: int) -> tuple[IntArray, IntArray]:
 
 
 def _starts(members: Sequence[Members], field: int) -> list[int]:
-    """Where each one's part of a field begins, and the last of them ends."""
+    """Returns where each one's part of a field begins, and the last of them ends."""
     return [0, *accumulate(len(each[field]) for each in members)]
 
 
@@ -197,7 +197,7 @@ class _Alike:
         self.match = _matched(self.new, self.spare)
 
     def places(self, field: int) -> IntArray:
-        """Where each one's members are among the others', -1 for nowhere."""
+        """Returns where each one's members are among the others', -1 for nowhere."""
         own, others = (np.array(_starts(every, field)) for every in (self.own, self.others))
         counts = np.diff(own)
         place = np.arange(own[-1]) + np.repeat(others[self.twin] - own[:-1], counts)
@@ -229,7 +229,7 @@ def _taken(names: list[bytes], left: dict[bytes, dict[bytes, int]], none: int) -
 def _placed(
     own: Sequence[Members], others: Sequence[Members], field: int, match: IntArray
 ) -> IntArray:
-    """Where the members of all kinds are among the others', -1 for nowhere."""
+    """Returns where the members of all kinds are among the others', -1 for nowhere."""
     kind, disjunct = _split(own, field)
     other_kind, other_disjunct = _split(others, field)
     kinds = int(max(kind.max(initial=0), other_kind.max(initial=0))) + 1

@@ -177,7 +177,7 @@ class LoadBlock:
 
     @classmethod
     def of(cls, stated: Rows, goal: Form) -> LoadBlock:
-        """Of one or two unknowns, and limits of the second."""
+        """Makes the block of one or two unknowns, and limits of the second."""
         every, none = np.arange(stated.width), np.zeros(0, dtype=int)
         lines = [np.ones(form.size, dtype=int) for form in stated.linear] or [none]
         key, names = b"load" * stated.width, [b"load", b"relief"][: stated.width]
@@ -187,7 +187,7 @@ class LoadBlock:
         return cls(piece, program.cost, program.right)
 
     def program(self, joined: Columns) -> ConeProgram:
-        """Of all pieces, of which this is the first."""
+        """Returns the program of all pieces, of which this is the first."""
         cost, right = np.zeros(joined.columns), np.zeros(joined.lines + 3 * joined.cones)
         cost[: len(self.cost)] = self.cost
         equations = joined.equations

@@ -188,7 +188,7 @@ class SafeProblems:
         return InnerIterate(kind, state, bound)
 
     def point(self, forces: FloatArray, otherwise: Point | None = None) -> Point:
-        """Where to build a step at ``forces`` (n, 6); idle contacts keep their place."""
+        """Returns where to build a step at ``forces`` (n, 6); idle contacts keep their place."""
         point = self.step.point(forces, otherwise or self.middle, PROOF.accepted)
         return point.shrunk(self.moments.shrink)
 
