@@ -49,9 +49,9 @@ def glued(
 def without_idle(
     assemblage: Assemblage, forces: FloatArray, share: float
 ) -> tuple[Assemblage, FloatArray] | None:
-    """Returns the mechanics without contacts whose forces (n, 6) are below ``share`` of the largest,
-    and blocks that none touches any more; and the others' forces. None if no contact is left out,
-    if some blocks then lack any support, as one that bears a load would, and with ties or
+    """Returns the mechanics without contacts whose forces (n, 6) are below ``share`` of the
+    largest, and blocks that none touches any more; and the others' forces. None if no contact is
+    left out, if some blocks then lack any support, as one that bears a load would, and with ties or
     guides."""
     statics = assemblage.statics
     if statics.guide is not None or assemblage.scene.ties:
