@@ -217,10 +217,6 @@ CONES = (
 
 def baselines() -> dict[str, Method]:
     """All baselines by name."""
-    methods = [
-        Literal(),
-        Literal("literal/octagon/N-mm", "literal, octagon, N and mm", "N-mm"),
-        *CONES,
-        ScipyLinprog(),
-    ]
+    other = Literal("literal/octagon/N-mm", "literal, octagon, N and mm", "N-mm")
+    methods = [Literal(), other, *CONES, ScipyLinprog()]
     return {method.name: method for method in methods}

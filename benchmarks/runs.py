@@ -31,20 +31,11 @@ T = TypeVar("T")
 
 _TASK, _RESULT, _ERRORS = "task.pickle", "result.pickle", "errors.txt"
 _SERVE = "import sys; from benchmarks.runs import serve; serve(sys.argv[1])"
-_THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "RAYON_NUM_THREADS",
-)
+_THREAD_VARIABLES = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "RAYON"))
 
 _OUT_OF_MEMORY = (
-    "cannot allocate",
-    "bad_alloc",
-    "memory allocation",
-    "memoryerror",
-    "out of memory",
-)
+    "cannot allocate", "bad_alloc", "memory allocation", "memoryerror", "out of memory",
+)  # fmt: skip
 """What libraries write before they give up, in lower case."""
 
 _LOOK = 0.02
@@ -96,7 +87,7 @@ def apart(call: Callable[[], T], limits: Limits, environment: Mapping[str, str] 
 
 def run_apart(method: Method, scene: Scene, limits: Limits) -> Row:
     """One run of ``method``, in a process that one block has warmed up before the clock starts."""
-    check_portable(method)
+    _packed(method, f"model {method.name!r}")
     try:
         return apart(partial(_measured, method, scene), limits)
     except Stopped as stopped:
@@ -135,16 +126,6 @@ def _watched(folder: Path, limits: Limits, own: Mapping[str, str]) -> int:
         finally:
             process.kill()
             process.wait()
-
-
-def check_portable(method: Method) -> None:
-    """Refuse a method that cannot be sent to another process.
-
-    Raises
-    ------
-    ModelError
-    """
-    _packed(method, f"model {method.name!r}")
 
 
 def _packed(content: object, what: str) -> bytes:
@@ -192,18 +173,11 @@ def serve(name: str) -> None:
 def peak_memory(process: int) -> float | None:
     """Peak resident memory of a process, MB; None where it cannot be known.
 
-    On Linux from /proc: getrusage there counts the parent's memory as well, from before the
-    new program was loaded. Elsewhere of this process only.
+    From /proc, which Linux has: getrusage counts the parent's memory as well, from before the new
+    program was loaded.
     """
     with suppress(OSError):
         for line in Path(f"/proc/{process}/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024 / 1e6
-    if process != os.getpid():
-        return None
-    try:
-        import resource
-    except ImportError:
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
+    return None

@@ -1,4 +1,4 @@
-"""How far certified brackets close, on seeded families and on built-in scenes.
+"""How far certified brackets close, on seeded families.
 
 Irregular running-bond walls (:func:`cvxlimit.masonry.random_wall`, 14 to 58 contacts, friction 0.2
 to 0.9, any load direction), stacks of prisms on polygons of 3 to 8 corners, and of hexagonal drums.
@@ -13,7 +13,7 @@ anywhere else. Every scene is a row of a file as soon as it is done, with its bo
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from unittest.mock import patch
@@ -27,8 +27,7 @@ from benchmarks.charts import figure_of, save
 from benchmarks.experiment import Head, Lines, Part, Title, experiment
 from benchmarks.rows import Rows
 from benchmarks.scenes import drums, irregular_wall, prisms
-from cvxlimit import Scene, builtin_scene
-from cvxlimit.masonry import BUILTIN
+from cvxlimit import Scene
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
@@ -123,13 +122,13 @@ def closing(
     moments: Sequence[str] = tuple(COLOURS), tries: int = 40, out: Path = ROWS,
     picture: Path | None = None,
 ) -> Lines:  # fmt: skip
-    """How far certified brackets close by default settings: families or built-in scenes, so many
-    seeds of each from a first one on."""
+    """How far certified brackets close by default settings, on so many seeds of families from a
+    first one on."""
     kept = Rows(out, "scene", "moments")
     for family in families:
         for reading in moments:
-            count = number or NUMBERS.get(family, 1)
-            for scene in scenes(family, count, first):
+            count = number or NUMBERS[family]
+            for scene in map(FAMILIES[family], range(first, first + 4 * count)):
                 if {"scene": scene.name, "moments": reading} not in kept:
                     kept.add(asdict(measured(scene, reading, tries)))
                 found = Row.of(kept.get({"scene": scene.name, "moments": reading}) or {})
@@ -207,7 +206,7 @@ class Row:
     def family(self) -> str:
         """Of the scene, by its name."""
         kind = self.scene.rsplit("-", 1)[0]
-        return {"random-wall": "walls"}.get(kind, kind if kind in FAMILIES else self.scene)
+        return {"random-wall": "walls"}.get(kind, kind)
 
     @property
     def width(self) -> float:
@@ -260,15 +259,6 @@ def thinned(trace: list[tuple[float, float, float]]) -> list[tuple[float, float,
         if not kept or line is trace[-1] or line[2] - line[1] < 0.98 * (kept[-1][2] - kept[-1][1]):
             kept.append((round(line[0], 3), line[1], line[2]))
     return kept
-
-
-def scenes(family: str, count: int, first: int) -> Iterator[Scene]:
-    """Scenes of a family from seed ``first`` on, or those built in of this name."""
-    if family in BUILTIN:
-        yield builtin_scene(family)
-        return
-    for seed in range(first, first + 4 * count):
-        yield FAMILIES[family](seed)
 
 
 def shares(rows: Sequence[Row]) -> Lines:

@@ -13,14 +13,7 @@ from benchmarks.rows import Row
 from benchmarks.stability.families import FAMILIES
 from benchmarks.stability.outcomes import RIGHT, Outcome
 
-COLOURS = {
-    Outcome.RIGHT: "#2f7f4f",
-    Outcome.NO_ANSWER: "#7fb58f",
-    Outcome.LOOSE: "#e8c15a",
-    Outcome.HONEST: "#b9bec4",
-    Outcome.WRONG: "#c0272d",
-}
-_INK = "#333"
+COLOURS = dict(zip(Outcome, ("#2f7f4f", "#7fb58f", "#e8c15a", "#b9bec4", "#c0272d"), strict=True))
 _WORDS = {
     "conic": "cone", "CLARABEL": "Clarabel", "HIGHS": "HiGHS", "BLOCKWISE": "blockwise",
     "SCIPY": "SciPy",
@@ -53,9 +46,8 @@ def outcomes(rows: Sequence[Row]) -> Figure:
         axes.barh(names, share, left=left, color=colour, label=outcome, height=0.8)
         for y, width in enumerate(share):
             if outcome is Outcome.WRONG and width > 0.0:
-                axes.text(
-                    101, y, f"{width:.0f} % wrong", va="center", color=colour, fontsize=LETTERS
-                )
+                said = f"{width:.0f} % wrong"
+                axes.text(101, y, said, va="center", color=colour, fontsize=LETTERS)
         left += share
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_yticks(range(len(names)), [labelled(n) for n in names])
@@ -82,15 +74,8 @@ def widths(rows: Sequence[Row]) -> Figure:
         place = y + jitter.uniform(-0.28, 0.28, len(mine))
         axes.scatter(size[good], place[good], s=7, color=COLOURS[Outcome.RIGHT], linewidths=0)
         axes.scatter(size[~good], place[~good], s=26, color="#d06a1f", marker="D", linewidths=0)
-    axes.axvline(RIGHT, color=_INK, linewidth=1)
-    axes.text(
-        RIGHT,
-        len(FAMILIES) - 0.2,
-        "certified up to here ",
-        fontsize=LETTERS,
-        ha="right",
-        color=_INK,
-    )
+    axes.axvline(RIGHT, color="#333", linewidth=1)
+    axes.text(RIGHT, len(FAMILIES) - 0.2, "certified up to here ", fontsize=LETTERS, ha="right")
     axes.set_xscale("log")
     axes.set_yticks(range(len(FAMILIES)), list(FAMILIES), fontsize=LETTERS)
     axes.invert_yaxis()
