@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from cvxlimit import (
@@ -25,6 +26,7 @@ from cvxlimit import (
 )
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.geometry.solids import solid
 from cvxlimit.io import read_result, write_scene
 from cvxlimit.methods.settlement import Reaction
 from cvxlimit.plotting import plot
@@ -302,3 +304,109 @@ class TestSeveralTogether:
                 settlement(scene, *arguments, **options)  # type: ignore[arg-type]
         with pytest.raises(InputError, match="'beam' is no support"):
             replace(scene, settling=(SupportMotion("beam", DOWN),))
+
+
+# ------------------------------------------------- arches on spreading supports, by their statics
+
+
+@dataclass(frozen=True)
+class Half:
+    """Right half of a symmetric arch of width 1: its joints from the crown down, and what is above.
+
+    ``inner`` and ``outer`` (n + 1, 2) are the joints' ends (x, z), ``weight`` (n + 1,) and
+    ``moment`` (n + 1,) the weight between crown and joint and its moment about x = 0.
+    """
+
+    inner: FloatArray
+    outer: FloatArray
+    weight: FloatArray
+    moment: FloatArray
+
+    @classmethod
+    def of(
+        cls, mean: float, thickness: float, begin: float, end: float, n: int, aside: float
+    ) -> Half:
+        """Radial joints about (-aside, 0), at angles from upright; the crown's one is upright."""
+        angles = np.linspace(begin, end, n + 1)
+        rays = np.stack([np.sin(angles), np.cos(angles)], axis=1)
+        inner, outer = ((mean + s * thickness / 2) * rays - [aside, 0] for s in (-1, 1))
+        if aside:  # the crown's joint lies in the plane of symmetry
+            for ends, r in ((inner, mean - thickness / 2), (outer, mean + thickness / 2)):
+                ends[0] = 0.0, np.sqrt(r**2 - aside**2)
+        weight, moment = [0.0], [0.0]
+        for k in range(n):
+            x, z = np.array([inner[k], outer[k], outer[k + 1], inner[k + 1]]).T
+            cross = x * np.roll(z, -1) - np.roll(x, -1) * z
+            weight.append(weight[-1] + 20.0 * abs(cross.sum()) / 2)
+            moment.append(moment[-1] + 20.0 * abs(((x + np.roll(x, -1)) * cross).sum()) / 6)
+        return cls(inner, outer, np.array(weight), np.array(moment))
+
+    def thrust(self, sign: float) -> float:
+        """Least (1) or largest (-1) horizontal thrust whose line stays in the arch: two unknowns,
+        the thrust and its moment at the crown; where it passes a joint, moments about its ends have
+        two signs."""
+        rows, most = [], []
+        for ends, way in ((self.inner, 1.0), (self.outer, -1.0)):
+            x, z = ends.T
+            rows.append(way * np.stack([z, -np.ones(len(z))], axis=1))
+            most.append(way * (self.moment - self.weight * x))
+        found = linprog([sign, 0.0], np.vstack(rows), np.concatenate(most), bounds=[(0, None)] * 2)
+        return float(found.x[0])
+
+    def scene(self) -> Scene:
+        def voussoir(name: str, k: int, side: float) -> Block:
+            flat = [self.inner[k], self.outer[k], self.outer[k + 1], self.inner[k + 1]]
+            points = [(side * x, y, z) for y in (0.0, 1.0) for x, z in flat]
+            faces = [
+                (0, 1, 2, 3),
+                (4, 5, 6, 7),
+                (0, 1, 5, 4),
+                (1, 2, 6, 5),
+                (2, 3, 7, 6),
+                (3, 0, 4, 7),
+            ]
+            return solid(name, np.array(points), faces, 20.0)
+
+        n = len(self.inner) - 1
+        blocks = [
+            voussoir(f"{name}{k}", k, side)
+            for name, side in (("l", -1), ("r", 1))
+            for k in range(n)
+        ]
+        return Scene(blocks, [f"l{n - 1}", f"r{n - 1}"], PUSH, friction=5.0)
+
+
+SPREADING = {
+    "semicircle": (1.0, 0.15, 0.0, np.pi / 2, 12, 0.0),
+    "thick": (2.0, 0.5, 0.0, np.pi / 2, 9, 0.0),
+    "segment": (1.5, 0.2, 0.0, 1.0, 8, 0.0),
+    "pointed": (1.3, 0.22, np.arcsin(0.5 / 1.3), np.pi / 2, 10, 0.5),
+}
+
+
+@pytest.mark.parametrize("kind", SPREADING)
+@pytest.mark.parametrize(("which", "sign"), [("least", 1.0), ("largest", -1.0)])
+def test_an_arch_on_spreading_supports(kind: str, which: str, sign: float) -> None:
+    """Ochsendorf's question, and Coccia's for pointed arches: what an arch presses on supports that
+    give way, and what pushes them back. The lowest voussoirs are the supports."""
+    mean, thickness, begin, end, n, aside = SPREADING[kind]
+    whole = Half.of(mean, thickness, begin, end, n, aside)
+    above = Half(*(values[:n] for values in (whole.inner, whole.outer, whole.weight, whole.moment)))
+    found = settlement(whole.scene(), f"r{n - 1}", (1, 0, 0), which)
+    expected = above.thrust(sign)
+    assert found.value == pytest.approx(expected, rel=1e-5)
+    assert found.bracket.lower - 1e-9 <= expected * (1 + 1e-7)
+    assert found.bracket.upper + 1e-9 >= expected * (1 - 1e-7)
+
+
+@pytest.mark.parametrize("ratio", [0.12, 0.2])
+def test_many_voussoirs_tend_to_the_continuous_semicircle(ratio: float) -> None:
+    """Least thrust with hinges at the crown's outer edge and inside at an angle b, where it is most:
+    H (ro - ri cos b) = W(b) (ri sin b - xg(b)). This proves the statics above."""
+    inner, outer = 1.0 - ratio / 2, 1.0 + ratio / 2
+    b = np.linspace(1e-3, np.pi / 2, 20_001)
+    weight = 20.0 * (outer**2 - inner**2) / 2 * b
+    moment = 20.0 * (outer**3 - inner**3) / 3 * (1 - np.cos(b))
+    thrust = ((weight * inner * np.sin(b) - moment) / (outer - inner * np.cos(b))).max()
+    fine = Half.of(1.0, ratio, 0.0, np.pi / 2, 1000, 0.0).thrust(1.0)
+    assert fine == pytest.approx(thrust, rel=1e-4)
