@@ -249,3 +249,29 @@ def test_a_mesh_of_compas_0_and_what_is_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no blocks that are known") as refusal:
         read_bodies(path)
     assert "written by" not in str(refusal.value)
+
+
+def test_outlines_without_thickness_are_named(tmp_path: Path) -> None:
+    def draw(space: Any) -> None:
+        for x in (0, 1, 2):
+            corners = [(x + a, b) for a, b in SQUARE]
+            space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "STONES"})
+
+    said = "3 closed polylines on layer 'STONES' have no thickness, .* program's properties"
+    with pytest.raises(InputError, match=said):
+        read_bodies(drawing(tmp_path / "flat.dxf", draw))
+
+
+def test_lowest_of_blocks_that_are_all_lowest_asks_for_the_axis(tmp_path: Path) -> None:
+    """As where y points up in the file: a wall lies on its side."""
+
+    def draw(space: Any) -> None:
+        for z in (0, 1):
+            corners = [(a, z + b) for a, b in SQUARE]
+            space.add_lwpolyline(corners, close=True, dxfattribs={"thickness": 0.5})
+
+    file = drawing(tmp_path / "wall.dxf", draw)
+    with pytest.raises(InputError, match=r"all 2 blocks are lowest along z, .* \(--up y\)"):
+        import_geometry(file, **ASKED, density=20, supports="lowest")
+    stands = import_geometry(file, **ASKED | {"up": "y"}, density=20, supports="lowest").scene
+    assert len(stands.free) == 1

@@ -401,7 +401,7 @@ def test_an_arch_on_spreading_supports(kind: str, which: str, sign: float) -> No
 
 @pytest.mark.parametrize("ratio", [0.12, 0.2])
 def test_many_voussoirs_tend_to_the_continuous_semicircle(ratio: float) -> None:
-    """Least thrust with hinges at the crown's outer edge and inside at an angle b, where it is most:
+    """Least thrust, hinges at the crown's outer edge and inside at an angle b, where it is most:
     H (ro - ri cos b) = W(b) (ri sin b - xg(b)). This proves the statics above."""
     inner, outer = 1.0 - ratio / 2, 1.0 + ratio / 2
     b = np.linspace(1e-3, np.pi / 2, 20_001)

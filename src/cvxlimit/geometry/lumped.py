@@ -37,7 +37,7 @@ class Lumped:
     -------
     >>> print(Lumped(8, 2, 0.02, 0.5, "low-up", 0.02, 0.5))
     8 faces at 2 joints are taken as planes that they are not in, turned by up to 1.15 degrees, \
-where the friction angle is 28.6 degrees or more (largest share 4 % at low-up): this could move \
+where the friction angle is 28.6 degrees or more (at most 4 % of it, at low-up): this could move \
 the load factor, which is certified for the scene as detected
     """
 
@@ -70,7 +70,7 @@ the load factor, which is certified for the scene as detected
         angle, friction = (np.degrees(x) for x in (self.angle, self.friction_angle))
         said = (
             f"{taken}, turned by up to {angle:.3g} degrees, where the friction angle is "
-            f"{friction:.3g} degrees or more (largest share {100.0 * self.share:.2g} % at "
+            f"{friction:.3g} degrees or more (at most {100.0 * self.share:.2g} % of it, at "
             f"{self.contact})"
         )
         if not self.is_worth_a_word:

@@ -112,6 +112,8 @@ def text(value: object, where: str) -> str:
 def number(value: object, where: str, largest: float = LARGEST) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         cure = "; remove the quotes" if isinstance(value, str) else ""
+        if isinstance(value, str) and "," in value:
+            cure = f"; write {value.replace(',', '.')[:40]}, without quotes"
         raise InputError(f"{where} must be a number, got {shown(value)}{cure}")
     if not abs(value) <= largest:
         cure = "choose other units or correct the value" if abs(value) > largest else "correct it"

@@ -96,7 +96,7 @@ def _check_size(document: Any) -> None:
 def _bodies(entities: Iterator[Any]) -> list[Body]:
     solids: list[tuple[str, Polygons]] = []
     loose: dict[str, list[FloatArray]] = defaultdict(list)
-    left_open = ""
+    left_open, outlines = "", Counter[str]()
     for entity in entities:
         layer, kind = str(entity.dxf.get("layer", "0")), entity.dxftype()
         if kind in _SKIPPED:
@@ -113,10 +113,15 @@ def _bodies(entities: Iterator[Any]) -> list[Body]:
             if closed is None:
                 left_open = left_open or f", but an open polyline on layer {shown(layer)}"
                 continue
+            before = len(loose[layer])
             _add_outline(entity, closed, solids, loose, layer)
+            outlines[layer] += len(loose[layer]) - before
         else:
             solids += [(layer, polygons) for polygons in _meshes(entity, kind, layer)]
     for layer, faces in loose.items():
+        if not faces:
+            continue
+        _check_outlines(layer, faces, outlines[layer])
         points = np.concatenate(faces)
         ends = np.cumsum([len(face) for face in faces])[:-1]
         solids.append(
@@ -128,6 +133,18 @@ def _bodies(entities: Iterator[Any]) -> list[Body]:
             "a thickness, 3D faces, meshes or solids"
         )
     return _named(solids)
+
+
+def _check_outlines(layer: str, faces: list[FloatArray], outlines: int) -> None:
+    """Refuse closed polylines side by side in one plane: stones of which the thickness is missing.
+    One alone may be the ground."""
+    points = np.concatenate(faces)
+    off = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if 1 < outlines == len(faces) and off[2] <= 1e-9 * off[0]:
+        raise InputError(
+            f"{outlines} closed polylines on layer {shown(layer)} have no thickness, and so "
+            "enclose no stone: give them the wall's in the drawing program's properties"
+        )
 
 
 def _named(solids: Sequence[tuple[str, Polygons]]) -> list[Body]:
