@@ -48,7 +48,9 @@ class Followed:
         "where joints slide, it is then also halved.", group=EFFORT,
     )  # fmt: skip
     until: float = option("A", "Load factor at which to end; 0 unless given.", 0.0)
-    flow: str = option("NAME", "Flow rule of sliding joints: associated (default).", "associated")
+    flow: str | None = option(
+        "NAME", "Flow rule of sliding joints: associated (default), or zero-dilatancy: none opens."
+    )  # fmt: skip
     control: str | None = option(
         "BLOCK:X,Y,Z",
         "Block and direction whose displacement is told; unless given, the mean displacement of "

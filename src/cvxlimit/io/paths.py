@@ -27,7 +27,7 @@ from cvxlimit.io.forms import (
 )
 from cvxlimit.io.results import BOUNDS, FIGURE, MECHANISM, PROVED, RESULT
 from cvxlimit.io.scenes import POINT, SCENE
-from cvxlimit.paths.path import Configuration, Ending, Points, Work
+from cvxlimit.paths.path import Configuration, Ending, Flow, Points, Work
 from cvxlimit.paths.path import Path as Displacements
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -78,6 +78,7 @@ CONFIGURATION = record(
         "widest_gap": Key(FINITE, is_needed=True),
         "residual": Key(FIGURE, is_needed=True),
         "iterates": Key(WHOLE, is_needed=True),
+        "loss": Key(FIGURE),
     },
     dict,
 )
@@ -162,7 +163,7 @@ PATH: Document[Displacements] = Document(
             "scene": Key(SCENE.inside, "{key}", is_needed=True),
             "initial": Key(RESULT.inside, "{key}"),
             **RUN,
-            "flow": Key(TEXT, "{key}"),
+            "flow": Key(choice(get_args(Flow)), "{key}"),
             "control": Key(nullable(CONTROL), "{key}"),
             "halved": Key(nullable(record(Displacements, RUN, dict)), "{key}"),
         },

@@ -19,10 +19,21 @@ from scipy.spatial.transform import Rotation
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.paths.increment import Found, Increment, Loads, Near
 from cvxlimit.paths.pairs import Pose
-from cvxlimit.paths.path import SLIDING, ZERO, Configuration, Ending, Path, Points, Work
-from cvxlimit.paths.points import CLOSED, SETTLED, Start
+from cvxlimit.paths.path import (
+    CLOSED,
+    SLIDING,
+    ZERO,
+    Configuration,
+    Ending,
+    Flow,
+    Path,
+    Points,
+    Work,
+)  # fmt: skip
+from cvxlimit.paths.points import SETTLED, Start
 from cvxlimit.paths.proof import bracket_of
 from cvxlimit.scene import Scene
+from cvxlimit.solvers import Outcome
 
 REACH = 0.2
 """Facets within this share of the contact size of each other may meet in a step; blocks that were
@@ -32,13 +43,18 @@ _STILL = 1e-9
 """Movement over the contact size that an iterate may still ask for: a tenth of what blocks may be
 in each other, and ten times what solvers leave."""
 
-_FEW, _MANY = 12, 24
-"""Iterates: rocking takes 3 to 6; what has not settled in 24 has not settled in 60. After the first
-``SETTLED`` is enough: digits end where mechanisms compete."""
+_SURE, _FEW, _MANY = 6, 12, 24
+"""Iterates: rocking takes 3 to 6, and sliding where slips keep their direction; what has not
+settled in 24 has not settled in 60. After twelve ``SETTLED`` is enough: digits end where
+mechanisms compete."""
 
 _FAR = 1e-3
 """Movement over the contact size from which two iterates lead to the end, each from the answer
 before; still farther off after twelve, mechanisms compete, and half the step takes less time."""
+
+_LOST = 1e-2
+"""Share of a step's work that friction without dilatancy may lack: no load factor between two
+equilibria is told to less where joints slide. Iterates end at once below ``SLIDING``."""
 
 _TURN = 0.5
 """Largest rotation of an iterate, in radians: a tangent says nothing beyond."""
@@ -74,8 +90,11 @@ class _Failed:
 class Walk:
     """One path: what it has found so far, and how it goes on."""
 
-    def __init__(self, scene: Scene, certify: str, reach: float, tell: Callable[[str], None]):
-        self.scene, self.certify, self.tell = scene, certify, tell
+    def __init__(
+        self, scene: Scene, certify: str, reach: float, tell: Callable[[str], None], flow: Flow
+    ) -> None:
+        self.scene, self.certify, self.tell, self.flow = scene, certify, tell, flow
+        self.has_dilatancy = flow == "associated"
         self.size = scene.contacts.typical_size
         self.loads = Loads(scene)
         self.radius = np.array([
@@ -94,16 +113,41 @@ class Walk:
         pose = self.begin.pose
         points = self.begin.points(pose)
         points = points.take(points.gap <= CLOSED * self.size)
-        answer = Increment(self.scene, points, pose, self.loads).solve(None)
+        increment, loss = Increment(self.scene, points, pose, self.loads), 0.0
+        answer = increment.solve(None)
+        if isinstance(answer, Found) and not self.has_dilatancy:
+            push = self.size * self.loads.size
+            answer, loss = increment.rates_without_dilatancy(push, SLIDING)
         if not isinstance(answer, Found):
             return _Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
-        return self._shown(pose, points, answer, 0.0, 0.0, 1)
+        return self._shown(pose, points, answer, 0.0, 0.0, 1, loss)
 
     def settle(self, start: _At, w: float) -> _At | _Failed:
-        """The equilibrium at ``w`` that the iterates from ``start`` lead to."""
-        is_first = start.pose is self.begin.pose
-        begin = self.begin if is_first else Start.at(self.facets, start.pose, start.loose)
-        pose, before, share, last = start.pose, np.inf, 1.0, None
+        """The equilibrium at ``w`` that the iterates from ``start`` lead to. Where nothing slides,
+        one without dilatancy is associated, in half the time."""
+        if self.has_dilatancy or not start.slides:
+            found = self._associated(start, w)
+            if self.has_dilatancy or (isinstance(found, _At) and not found.slides):
+                return found
+        return self._without_dilatancy(start, w)
+
+    def _start(self, at: _At) -> Start:
+        is_first = at.pose is self.begin.pose
+        return self.begin if is_first else Start.at(self.facets, at.pose, at.loose)
+
+    def _moved(self, answer: Found) -> tuple[FloatArray, float]:
+        """How far an increment moves each block, and the least share of it that no tangent says
+        anything of."""
+        turned = np.linalg.norm(answer.d[:, 3:], axis=1)
+        moved = np.linalg.norm(answer.d[:, :3], axis=1) + turned * self.radius
+        return moved, _TURN / max(float(turned.max()), 1e-300)
+
+    def _no_answer(self, answer: Outcome, w: float, moved: FloatArray) -> _Failed:
+        is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
+        return _Failed(w, "blocked" if is_blocked else "falls", moved)
+
+    def _associated(self, start: _At, w: float) -> _At | _Failed:
+        begin, pose, before, share, last = self._start(start), start.pose, np.inf, 1.0, None
         moved = np.zeros(len(self.scene.free))
         for iterate in range(1, _MANY + 1):
             points, number = begin.numbered(pose)
@@ -111,10 +155,8 @@ class Walk:
             near = Near(*last, number) if last else None
             answer = Increment(self.scene, points, pose, self.loads).solve(push, near)
             if not isinstance(answer, Found):
-                is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
-                return _Failed(w, "blocked" if is_blocked else "falls", moved)
-            turned = np.linalg.norm(answer.d[:, 3:], axis=1)
-            moved = np.linalg.norm(answer.d[:, :3], axis=1) + turned * self.radius
+                return self._no_answer(answer, w, moved)
+            moved, most = self._moved(answer)
             size = float(moved.max()) / self.size
             if size <= (_STILL if iterate < _FEW else SETTLED):
                 found = self._shown(pose, points, answer, w, size, iterate)
@@ -127,21 +169,59 @@ class Walk:
             before = size
             if iterate >= _FEW and size > _FAR:
                 break
-            step = min(share if iterate > 4 else 1.0, _TURN / max(float(turned.max()), 1e-300))
+            step = min(share if iterate > 4 else 1.0, most)
             pose = pose.moved(self.scene.free, step * answer.d)
             last = (answer, step, number) if size < _FAR else None
         return _Failed(w, "not-converged" if size < 0.1 else "falls", moved)
 
+    def _without_dilatancy(self, start: _At, w: float) -> _At | _Failed:
+        """Friction at the slips so far, then slips with friction held at these forces: on exact
+        geometry each pair of problems once. Where slips still turn after some iterates, the one
+        whose friction lacks least of acting against them."""
+        begin, pose, size = self._start(start), start.pose, np.inf
+        moved, best = np.zeros(len(self.scene.free)), None
+        work = abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
+        for iterate in range(1, _MANY + 1):
+            points = begin.points(pose)
+            push = w * self.loads.size - self.loads.work(pose)[1]
+            increment = Increment(self.scene, points, pose, self.loads)
+            slides = np.linalg.norm(points.slip, axis=1)
+            if iterate == 1:  # as if every point slid as far as the live load goes
+                slides = np.full(len(points), push / self.loads.size)
+            forces = increment.priced(push, slides)
+            answer = forces
+            if isinstance(forces, Found):
+                answer = increment.held(push, forces.forces[:, 0])
+            if not isinstance(answer, Found):
+                return best or self._no_answer(answer, w, moved)
+            moved, most = self._moved(answer)
+            size = float(moved.max()) / self.size
+            is_still = size <= _STILL
+            overrun = -points.gap.min(initial=0.0) > 10.0 * _STILL * self.size
+            if not overrun and (is_still or (iterate > _SURE and size <= _FAR)):
+                closed = points.closed(self.flow, self.size)
+                within = Increment(self.scene, closed, pose, self.loads)
+                forces = within.priced(push, np.linalg.norm(closed.slip, axis=1))
+                loss = closed.lost(forces.forces) / work if isinstance(forces, Found) else np.inf
+                if isinstance(forces, Found) and loss <= (best.shown.loss if best else _LOST):
+                    at = w - push / self.loads.size
+                    best = self._shown(pose, closed, forces, at, size, iterate, loss)
+                if is_still or (best is not None and best.shown.loss <= SLIDING):
+                    break
+            pose = pose.moved(self.scene.free, min(1.0, most) * answer.d)
+        return best or _Failed(w, "not-converged" if size < 0.1 else "falls", moved)
+
     def _shown(
-        self, pose: Pose, points: Points, answer: Found, w: float, residual: float, iterates: int
-    ) -> _At:
+        self, pose: Pose, points: Points, answer: Found, w: float, residual: float, iterates: int,
+        loss: float = 0.0,
+    ) -> _At:  # fmt: skip
         free = self.scene.free
         turn = Rotation.from_matrix(pose.turn[free]).as_rotvec()
         each = np.concatenate([pose.shift[free], turn], axis=1)
         shown = Configuration(
             self.scene, w, answer.load_factor,
             {self.scene.blocks[i].id: d for i, d in zip(free.tolist(), each, strict=True)},
-            points, answer.forces, None, 0.0, residual, iterates,
+            points, answer.forces, None, 0.0, residual, iterates, loss,
         )  # fmt: skip
         return _At(pose, shown, *self._slid(shown))
 
@@ -149,7 +229,8 @@ class Walk:
         """The widest gap that slips have opened at points that bear, and whether any slid."""
         points, n = shown.points, shown.forces[:, 0]
         bears = n > CLOSED * n.max(initial=0.0)
-        opened = points.gap[bears & (points.distance <= CLOSED * self.size)]
+        is_opened = bears & (points.distance <= CLOSED * self.size) & self.has_dilatancy
+        opened = points.gap[is_opened]
         slip = points.friction[bears] * np.linalg.norm(points.slip[bears], axis=1)
         return float(opened.max(initial=0.0)), bool((slip > CLOSED * self.size).any())
 
@@ -164,7 +245,7 @@ class Walk:
 
     def proved(self, found: _At) -> _At:
         shown = found.shown
-        bracket, widest = bracket_of(self.scene, shown.points, found.pose, self.loads)
+        bracket, widest = bracket_of(self.scene, shown.points, found.pose, self.loads, self.flow)
         return replace(found, shown=replace(shown, bracket=bracket, widest_gap=widest))
 
     def keep(self, found: _At) -> None:
@@ -337,7 +418,7 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
     if same or any(after == start for start, _ in path.pieces):
         return there
     size = path.scene.contacts.typical_size
-    walk = Walk(path.scene, "all", REACH * size, lambda line: None)
+    walk = Walk(path.scene, "all", REACH * size, lambda line: None, path.flow)
     walk.resume(path)
     here, found = walk.found[after - 1], dict[float, _At]()
 

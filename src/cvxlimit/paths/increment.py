@@ -5,12 +5,20 @@
 
 Its dual moves the blocks by d so that the live load moves on by Delta, no point is overrun, and the
 dead load rises as little as it can: g_i + (A'd)_n >= mu_i |tau_i + (A'd)_t|.
+
+Without dilatancy forces are those of the same problem with gaps wider by mu_i times the whole slip,
+which a joint that slides on without opening then closes; and d is the dual of the one with friction
+held at their compressions, |v_i| <= mu_i n_i': g_i + (A'd)_n >= 0. The loss
+
+    sum g_i n_i + mu_i n_i |tau_i| + tau_i . v_i
+
+is never negative, and zero where every point that bears is closed, and slides against its friction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -28,11 +36,11 @@ from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import Points
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import Outcome, settings_for
+from cvxlimit.solvers import Outcome, SolverSettings, settings_for
 from cvxlimit.solvers.interior.iteration import Point
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces import Rocking
-from cvxlimit.surfaces.base import Condition, Norm, product, times
+from cvxlimit.surfaces.base import CONSTANT, Condition, Norm, product, times
 
 LADDER = (settings_for("BLOCKWISE", 1e-12), settings_for("CLARABEL", 1e-12))
 
@@ -42,14 +50,17 @@ solvers measure it by objectives of 1e-6 at least. A point that should carry not
 over its gap at most, which is what keeps the load factor of a hinge from being exact."""
 
 
-def point_forces(contacts: Contacts, is_stated: bool = False) -> ForceModel:
+def point_forces(
+    contacts: Contacts, is_stated: bool = False, held: FloatArray | None = None
+) -> ForceModel:
     """Compression n and friction mu v at every point, each within its own cone, |v| <= n: with
     friction of 1e-9, |v| <= mu n would lose n >= 0. Where it ``is_stated``, that says n >= 0
-    already; certificates are told besides."""
+    already; certificates are told besides. In a cylinder |v| <= held (k,) if given."""
     each, mu = np.arange(len(contacts)), contacts.friction
     parts = [Part("n", {"N": 1}, each, nonneg=not is_stated), Part("v1", {"V1": mu}, each),
              Part("v2", {"V2": mu}, each)]  # fmt: skip
-    return ForceModel(contacts, parts, [Condition([Norm({"v1": 1}, {"v2": 1})], {"n": 1}, each)])
+    most = {"n": 1.0} if held is None else {CONSTANT: held}
+    return ForceModel(contacts, parts, [Condition([Norm({"v1": 1}, {"v2": 1})], most, each)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +192,8 @@ class Increment:
             scene._with_contacts(contacts), statics, scaling, Balance.of(statics)
         )
 
-    def problem(self, goal: Goal = LARGEST_FACTOR) -> LimitProblem:
-        formulation = partial(point_forces, is_stated=True)
+    def problem(self, goal: Goal = LARGEST_FACTOR, held: FloatArray | None = None) -> LimitProblem:
+        formulation = partial(point_forces, is_stated=held is None, held=held)
         return LimitProblem(self.assemblage, [Rocking()], formulation=formulation, goal=goal)
 
     def goal(self, push: Any, gap: Any, slip: tuple[Any, Any]) -> Callable[[Stated], Any]:
@@ -205,12 +216,55 @@ class Increment:
     def solve(self, push: float | None, near: Near | None = None) -> Found | Outcome:
         """The answer, or what the last solver said where none has one; with nothing to ``push``
         towards, the largest load factor, whose d is a rate."""
-        gap, slip = self.points.gap, self.points.slip
-        goal = LARGEST_FACTOR if push is None else self.goal(push, gap, (slip[:, 0], slip[:, 1]))
-        problem, ladder = self.problem(goal), LADDER
-        if push is not None:
-            own = settings_for("BLOCKWISE", max(_GAP * len(gap), 1e-12))
-            ladder = own, *LADDER[1:]
+        if push is None:
+            return self._run(self.problem(), LADDER)
+        return self._run(self.problem(self._given(push, self.points.gap)), self._ladder, near)
+
+    def priced(self, push: float, slides: FloatArray) -> Found | Outcome:
+        """Forces without dilatancy, for slips of the sizes ``slides`` (k,)."""
+        gap = self.points.gap + self.points.friction * slides
+        return self._run(self.problem(self._given(push, gap)), self._ladder)
+
+    def held(self, push: float, n: FloatArray) -> Found | Outcome:
+        """Displacements without dilatancy, with friction held at compressions n (k,)."""
+        goal = self._given(push, self.points.gap)
+        return self._run(self.problem(goal, np.maximum(n, 0.0)), self._ladder)
+
+    def rates_without_dilatancy(
+        self, push: float, enough: float, most: int = 20
+    ) -> tuple[Found | Outcome, float]:
+        """At rest, where all points are closed and nothing has slid: the pairs of problems again
+        and again until the loss, here over the live load's work, is no more than ``enough``, and
+        that loss."""
+        best: tuple[Found | Outcome, float] = Outcome("no answer", 0.0, 0.0), np.inf
+        slides = np.full(len(self.points), push)
+        for _ in range(most):
+            answer = moved = self.priced(push, slides)
+            if isinstance(answer, Found):
+                moved = self.held(push, answer.forces[:, 0])
+            if not isinstance(answer, Found) or not isinstance(moved, Found):
+                return (moved, np.inf) if best[1] == np.inf else best
+            moves = self.assemblage.statics.relative_rates(moved.d)[:, :3]
+            slides = np.linalg.norm(moves[:, :2], axis=1)
+            lost = replace(self.points, gap=moves[:, 2], slip=moves[:, :2]).lost(answer.forces)
+            loss = lost / max(abs(answer.load_factor * push), 1e-300)
+            if loss < best[1]:
+                best = replace(answer, d=moved.d), loss
+            if loss <= enough:
+                break
+        return best
+
+    def _given(self, push: float, gap: FloatArray) -> Callable[[Stated], Any]:
+        slip = self.points.slip
+        return self.goal(push, gap, (slip[:, 0], slip[:, 1]))
+
+    @property
+    def _ladder(self) -> tuple[SolverSettings, ...]:
+        return settings_for("BLOCKWISE", max(_GAP * len(self.points), 1e-12)), *LADDER[1:]
+
+    def _run(
+        self, problem: LimitProblem, ladder: Sequence[SolverSettings], near: Near | None = None
+    ) -> Found | Outcome:
         scaling, mu, program = self.assemblage.scaling, self.points.friction, problem.program
         kept: dict[str, Any] = {"starts": [] if near is None else near.starts(program)}
         for settings in ladder:

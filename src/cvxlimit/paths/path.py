@@ -18,6 +18,7 @@ from cvxlimit.scene.loads import Load
 from cvxlimit.solution import Solution
 from cvxlimit.solution.bracket import Bracket
 
+Flow = Literal["associated", "zero-dilatancy"]
 Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted"]
 
 PROVES = "a bracket proves the load factor of its configuration, not that the structure gets there"
@@ -28,6 +29,9 @@ ZERO = 1e-8
 
 SLIDING = 1e-3
 """The same where joints slide: the curve depends on the step by more."""
+
+CLOSED = 1e-6
+"""Gap, over the contact size, up to which a point is closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,18 @@ class Points:
     def distance(self) -> FloatArray:
         """Gap less friction times slip (k,): what a point has to close, opened by its own slip."""
         return np.asarray(self.gap - self.friction * np.linalg.norm(self.slip, axis=1))
+
+    def lost(self, forces: FloatArray) -> float:
+        """What forces (k, 3) lack of friction without dilatancy, a work: compressions across gaps,
+        and friction that does not oppose the whole slip. Never negative, zero for a solution."""
+        n, slid = forces[:, 0], np.linalg.norm(self.slip, axis=1)
+        lost = n * self.gap + self.friction * n * slid + (forces[:, 1:] * self.slip).sum(axis=1)
+        return float(np.abs(lost).sum())
+
+    def closed(self, flow: Flow, size: float) -> Points:
+        """Those whose gap, less friction times slip where that is what joints open by, is within
+        1e-6 of the contact size."""
+        return self.take((self.distance if flow == "associated" else self.gap) <= CLOSED * size)
 
     def take(self, which: NDArray[Any]) -> Points:
         """Some of the points, by number or by a truth value for each."""
@@ -108,7 +124,10 @@ class Configuration:
     residual : float
         How far the last iterate would still move a point, over the typical contact size.
     iterates : int
-        Convex problems solved to find it.
+        Iterates that found it.
+    loss : float
+        Without dilatancy, what friction lacks of acting against the whole slip of the last step, as
+        a share of the step's work at the first load factor; 0 for a solution.
     """
 
     start: Scene
@@ -121,6 +140,7 @@ class Configuration:
     widest_gap: float = 0.0
     residual: float = 0.0
     iterates: int = 0
+    loss: float = 0.0
 
     def scene(self) -> Scene:
         """The scene with moved blocks, and point loads that moved with them."""
@@ -164,7 +184,7 @@ class Path:
     configurations: tuple[Configuration, ...]
     status: Ending
     reason: str
-    flow: str = "associated"
+    flow: Flow = "associated"
     step: float = 0.0
     snaps: tuple[float, ...] = ()
     work: Work | None = None

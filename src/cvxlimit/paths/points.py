@@ -16,11 +16,8 @@ import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.paths.pairs import OPPOSED, Facets, Pairs, Pose
-from cvxlimit.paths.path import Points
+from cvxlimit.paths.path import CLOSED, Points
 from cvxlimit.scene import Scene
-
-CLOSED = 1e-6
-"""Gap, over the contact size, up to which a point is closed."""
 
 NEAR = 1e-9
 """Rounding of directions: what counts as parallel or normal."""

@@ -14,8 +14,7 @@ from cvxlimit.model.assemblage import Balance
 from cvxlimit.model.goals import Stated, largest_self_stress
 from cvxlimit.paths.increment import LADDER, Increment, Loads, point_forces
 from cvxlimit.paths.pairs import Pose
-from cvxlimit.paths.path import Points
-from cvxlimit.paths.points import CLOSED
+from cvxlimit.paths.path import Flow, Points
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Bracket
@@ -26,11 +25,13 @@ _IDLE = 1e-7
 """Share of the largest force below which a point is taken to carry nothing."""
 
 
-def bracket_of(scene: Scene, points: Points, pose: Pose, loads: Loads) -> tuple[Bracket, float]:
+def bracket_of(
+    scene: Scene, points: Points, pose: Pose, loads: Loads, flow: Flow = "associated"
+) -> tuple[Bracket, float]:
     """Bounds on the largest load factor that the closed points carry, and their widest gap."""
     size = scene.contacts.typical_size
-    closed = points.take(points.distance <= CLOSED * size)
-    widest = float(closed.distance.max(initial=0.0))
+    closed = points.closed(flow, size)
+    widest = float((closed.distance if flow == "associated" else closed.gap).max(initial=0.0))
     whole = Increment(scene, closed, pose, loads)
     found = _run(whole)
     if found is None or found.internal is None or found.load_factor is None:

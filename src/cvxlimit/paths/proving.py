@@ -12,8 +12,8 @@ from cvxlimit.methods.proving import solution_checks
 from cvxlimit.model.statics import DOF
 from cvxlimit.paths.following import REACH, Walk
 from cvxlimit.paths.increment import Increment
-from cvxlimit.paths.path import Path, Points
-from cvxlimit.paths.points import CLOSED, Start
+from cvxlimit.paths.path import CLOSED, Path, Points
+from cvxlimit.paths.points import Start
 from cvxlimit.paths.proof import bracket_of
 
 
@@ -31,10 +31,11 @@ def path_checks(path: Path) -> Iterator[Check]:
 
 def _of_configurations(path: Path, which: str) -> Iterator[Check]:
     size = path.scene.contacts.typical_size
-    walk, missing = Walk(path.scene, "none", REACH * size, lambda line: None), set[int]()
+    walk = Walk(path.scene, "none", REACH * size, lambda line: None, path.flow)
+    missing = set[int]()
     walk.resume(path)
     for i in range(len(path)):
-        for claim, found in _wrong(walk, i):
+        for claim, found in _wrong(walk, path, i):
             missing.add(i)
             yield Check(f"{claim} of configuration {i}{which}", False, found)
     proved = sum(each.bracket is not None for i, each in enumerate(path) if i not in missing)
@@ -49,7 +50,7 @@ def _of_configurations(path: Path, which: str) -> Iterator[Check]:
         )
 
 
-def _wrong(walk: Walk, i: int) -> Iterator[tuple[str, str]]:
+def _wrong(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     """Claims of a configuration that do not hold, and why."""
     here, size, scene = walk.found[i], walk.size, walk.scene
     shown, pose = here.shown, here.pose
@@ -79,9 +80,14 @@ def _wrong(walk: Walk, i: int) -> Iterator[tuple[str, str]]:
     beyond = np.maximum(-n, slid - shown.points.friction * n).max(initial=0.0)
     if not beyond <= RESIDUAL * load:
         yield "friction", f"forces exceed it by {beyond / load:.1e} of the dead load"
+    if path.flow != "associated" and i > 0:
+        step = (shown.w - path[i - 1].w) * walk.loads.size * abs(path[0].load_factor)
+        lost = shown.points.lost(shown.forces) / step
+        if not lost <= max(shown.loss, SLACK) * (1.0 + SLACK):
+            yield f"loss {shown.loss:.1e}", f"friction lacks {lost:.1e} of the step's work"
     if shown.bracket is None:
         return
-    found = bracket_of(scene, points, pose, walk.loads)[0]
+    found = bracket_of(scene, points, pose, walk.loads, walk.flow)[0]
     unit = max(abs(walk.found[0].shown.load_factor), abs(shown.load_factor))
     for end, is_safe in (("lower", 1.0), ("upper", -1.0)):
         held, again = getattr(shown.bracket, end), getattr(found, end)
