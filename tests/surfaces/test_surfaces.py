@@ -438,6 +438,8 @@ class TestRowsWritten:
             ModelError, match=r"'sliding' would leave the scene's cohesion out.*0\)"
         ):
             solve(scene, [Rocking(), Slip()])
+        with pytest.raises(ModelError, match="would leave the scene's cohesion out"):
+            LimitProblem(scene, [Rocking(), Slip()]).solve()
         own = solve(scene, [Rocking(), Whole()])
         assert own.load_factor == pytest.approx(solve(scene, [Rocking(), Sliding()]).load_factor)
         dry = solve(scene.with_cohesion(0), [Rocking(), Slip()])

@@ -33,7 +33,7 @@ from cvxlimit.solution.bracket import Bracket, known, rounded
 from cvxlimit.solution.kinematics import Dilatancy, dilatancy_of
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, versions
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.coulomb import surfaces_of, words_of
+from cvxlimit.surfaces.coulomb import refuse_lost_cohesion, surfaces_of, words_of
 
 Progress = Callable[[str], None]
 Solver = Callable[[SolverSettings], LimitState]
@@ -157,6 +157,7 @@ class Run:
             check_scene(scene)
         with self.clock.phase("detect"):
             self.contacts = scene.contacts
+        refuse_lost_cohesion(self.surfaces, self.contacts)
         with self.clock.phase("compile"):
             self.assemblage = given = Assemblage.of(scene)
             self.given, self.repeats = given.scene, given.repeats

@@ -28,7 +28,7 @@ from cvxlimit.surfaces.base import (
     times,
 )
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import needed_surfaces, refuse_lost_cohesion
+from cvxlimit.surfaces.coulomb import needed_surfaces
 
 
 class Statement:
@@ -45,7 +45,6 @@ class Statement:
     ) -> None:
         self.given, self.assemblage = given, given.assemblage
         self.surfaces, self.formulation = needed_surfaces(surfaces), formulation
-        refuse_lost_cohesion(self.surfaces, given.contacts)
         if reduction is not None and given.is_symbolic:
             raise ModelError("a problem with Parameters has no smaller model: leave reduction out")
         own = Reduction.none(self.assemblage.statics, formulation)
