@@ -172,6 +172,8 @@ def uplift(
     stones press on each other with besides, and friction is in proportion to that. A support
     is pressed as much as the block on it; as it does not move, nothing is written for it.
 
+    Steeper joints are left out. Water in them presses stones apart along the wall, and lifts none.
+
     Parameters
     ----------
     scene, level, unit_weight, direction
@@ -235,8 +237,8 @@ def uplift(
             ]
     if not result:
         raise InputError(
-            f"no bed joint lies below level {level:g}, so that water lifts nothing: give a level "
-            "above the lowest bed joint"
+            f"no bed joint lies below level {level:g}, so that water lifts nothing (joints steeper "
+            "than 45 degrees are left out): give a level above the lowest bed joint"
         )
     return tuple(result)
 
