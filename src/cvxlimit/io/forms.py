@@ -171,11 +171,10 @@ def record(
     keys: Mapping[str, Key],
     made: Callable[..., Any] | None = None,
     prefix: str = "",
-    header: tuple[str, ...] = (),
 ) -> Form:
     """The fields of a dataclass as an object; ``made`` makes one of them, in place of ``kind``.
 
-    ``prefix`` leads what ``made`` says; entries of the ``header`` are somebody else's.
+    ``prefix`` leads what ``made`` says.
     """
     defaults = _defaults(kind)
     stated = {key: each.is_needed for key, each in keys.items() if each.is_needed is not None}
@@ -183,7 +182,7 @@ def record(
     optional = [key for key in keys if key not in needed]
 
     def read(value: object, where: str, _: str) -> Any:
-        entry, given = fields(value, where, (*header, *needed), optional), dict[str, Any]()
+        entry, given = fields(value, where, needed, optional), dict[str, Any]()
         for key, each in keys.items():
             if key in entry:
                 found = each.form.read(entry[key], each.where.format(key=key, owner=where), where)
@@ -222,9 +221,6 @@ def _defaults(kind: type) -> dict[str, Any]:
     return result
 
 
-HEADER = ("format", "version")
-
-
 @dataclass(frozen=True)
 class Document(Generic[T]):
     """A record in a file of its own, with a header that says what it is: scene or result."""
@@ -235,7 +231,8 @@ class Document(Generic[T]):
     def from_dict(self, document: Any) -> T:
         with refusals():
             check_header(document, self.kind)
-            entries = {key: x for key, x in document.items() if key != "$schema"}
+            header = "$schema", "format", "version"
+            entries = {key: x for key, x in document.items() if key not in header}
             return self.form.read(entries, f"the {self.kind}", "")
 
     def to_dict(self, value: T) -> JsonObject:

@@ -12,7 +12,6 @@ from cvxlimit.errors import InputError
 from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, fields, number, refusals, shown, text
 from cvxlimit.io.forms import (
     FLAG,
-    HEADER,
     TEXT,
     WHOLE,
     Document,
@@ -168,7 +167,6 @@ PATH: Document[Displacements] = Document(
             "halved": Key(nullable(record(Displacements, RUN, dict)), "{key}"),
         },
         _path,
-        header=HEADER,
     ),
 )
 

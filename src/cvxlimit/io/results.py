@@ -15,7 +15,6 @@ from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, number, shown
 from cvxlimit.io.forms import (
-    HEADER,
     TEXT,
     WHOLE,
     Document,
@@ -259,7 +258,6 @@ RESULT: Document[Solution] = Document(
             "units": Key(UNITS, "{key}"),
         },
         _solution,
-        header=HEADER,
     ),
 )
 

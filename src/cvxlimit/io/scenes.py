@@ -27,7 +27,6 @@ from cvxlimit.io.fields import (
     text,
 )
 from cvxlimit.io.forms import (
-    HEADER,
     NUMBER,
     TEXT,
     WHOLE,
@@ -278,7 +277,6 @@ SCENE: Document[Scene] = Document(
             "loads": Key(LOADS, "{key}", is_needed=True, is_several=True),
         },
         _scene,
-        header=HEADER,
     ),
 )
 

@@ -11,7 +11,6 @@ from cvxlimit.errors import InputError
 from cvxlimit.io.fields import ANY_FINITE, Path, items, shown, text
 from cvxlimit.io.forms import (
     FLAG,
-    HEADER,
     TEXT,
     WHOLE,
     Document,
@@ -120,7 +119,6 @@ DOMAIN: Document[LoadDomain] = Document(
             "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
         },
         _domain,
-        header=HEADER,
     ),
 )
 
