@@ -76,7 +76,7 @@ def test_one_step_equals_ten() -> None:
     assert one.load_factor[1] == pytest.approx(ten.load_factor[10], abs=1e-9)
 
 
-@pytest.mark.parametrize("courses", [6, pytest.param(30, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("courses", [12, pytest.param(30, marks=pytest.mark.exhaustive)])
 def test_a_wall_in_courses_turns_about_its_toe(courses: int) -> None:
     path = quick(columns(courses), step=0.05)
     assert path.load_factor == pytest.approx([rocking(0.4, 2.0, w) for w in path.w], abs=1e-8)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
+from itertools import accumulate, chain
 from typing import Any
 
 import cvxpy as cp
@@ -323,7 +323,7 @@ class Rows:
                 right[i :: len(block)] = -sign * form.constant
             rights.append(right)
         counts = tuple(sum(form.size for form in forms) for forms in (self.equations, self.linear))
-        sizes = tuple(len(cone) for cone in self.cones for _ in cone[0].constant)
+        sizes = tuple(chain(*([len(cone)] * cone[0].size for cone in self.cones)))
         return Written.of(self.entries(), np.concatenate(rights), goal, self, (*counts, sizes))
 
 
