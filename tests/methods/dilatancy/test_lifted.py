@@ -106,6 +106,18 @@ def test_fewer_products_are_weaker() -> None:
     assert bounds[1] <= found
 
 
+@pytest.mark.exhaustive
+def test_windows_narrow_from_below(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where products are few, what one window excludes makes the next one stronger."""
+    scene = built(running_bond(2, 3), 0.3, 0.6)
+    found = lowest(scene).load_factor
+    several = lifted(scene, 0.0, found, radius=0).load_factor
+    monkeypatch.setattr("cvxlimit.methods.dilatancy.lifted._WORTH", 2.0)
+    one = lifted(scene, 0.0, found, radius=0).load_factor
+    assert 0.0 < one < several <= found
+    assert found - several < 0.5 * (found - one)
+
+
 def test_what_it_cannot_do_is_said() -> None:
     space = builtin_scene("single-block").with_live(Load(acceleration=(1.0, 0.3, 0.0)))
     assert "in a plane" in lifted(space, 0.0, 1.0).note

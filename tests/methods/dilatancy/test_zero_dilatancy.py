@@ -19,7 +19,8 @@ from cvxlimit.io import read_result
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import vertex_forces
-from helpers import hand_equilibrium, hand_torsion_arm, renumbered, rotations, yield_excess
+from helpers import renumbered, rotations
+from members import assert_member
 
 FloatArray = NDArray[np.float64]
 
@@ -38,40 +39,6 @@ ASSOCIATED = {"ferris-tin-loi-1": 0.642859, "ferris-tin-loi-2": 0.579999,
 @cache
 def solved(name: str, starts: int = 2) -> Solution:
     return solve(builtin_scene(name), method=ZeroDilatancy(starts=starts))
-
-
-def assert_exact(scene: Scene, forces: FloatArray, mechanism: FloatArray, factor: float) -> None:
-    """Equilibrium, yield, no penetration, no opening under pressure, friction against slip: with
-    matrices and rigid motions of the tests' own, to 2e-6 (residuals promised are 1e-6)."""
-    matrix, dead, live = hand_equilibrium(scene)
-    load = np.abs(dead).sum()
-    assert np.abs(matrix @ forces.ravel() + dead + factor * live).max() < 1e-9 * load
-    assert yield_excess(scene, forces).max() < 2e-6 * load
-    assert live @ mechanism.ravel() == pytest.approx(1.0)
-    place = {scene.blocks[i].id: row for row, i in enumerate(scene.free)}
-    lost, worst, largest = 0.0, 0.0, 0.0
-    for contact, x in zip(scene.contacts, forces, strict=True):
-        moved = []
-        for key in (contact.b, contact.a):
-            u = mechanism[place[key]] if key in place else np.zeros(6)
-            block = next(b for b in scene.blocks if b.id == key)
-            at = np.vstack([contact.origin, contact.corners]) - block.centroid
-            moved.append(u[:3] + np.cross(u[3:], at))
-        gap = moved[0] - moved[1]
-        worst = min(worst, float((gap[1:] @ contact.normal).min()))
-        largest = max(largest, float(np.abs(gap @ contact.normal).max()))
-        slip = np.array([gap[0] @ contact.t1, gap[0] @ contact.t2])
-        power = x[:2] @ slip + x[2] * (gap[0] @ contact.normal)
-        spin = [
-            (mechanism[place[k]][3:] if k in place else np.zeros(3)) for k in (contact.b, contact.a)
-        ]
-        turning = spin[0] - spin[1]
-        power += x[3] * (turning @ contact.t1) + x[4] * (turning @ contact.t2)
-        power += x[5] * (turning @ contact.normal)
-        slide = max(np.hypot(*slip), hand_torsion_arm(contact) * abs(turning @ contact.normal))
-        lost += abs(power + contact.friction * x[2] * slide)
-    assert worst > -2e-6 * largest
-    assert lost < 2e-6 * abs(factor)
 
 
 @pytest.mark.exhaustive
@@ -95,7 +62,7 @@ class TestWalls:
 
     def test_extremes_by_hand(self, name: str) -> None:
         for member in (solved(name).members[0], solved(name).members[-1]):
-            assert_exact(builtin_scene(name), member.forces, member.mechanism, member.load_factor)
+            assert_member(builtin_scene(name), member.forces, member.mechanism, member.load_factor)
 
     def test_bracket_of_all(self, name: str) -> None:
         """The associated factor, proved, above all of them."""
@@ -117,7 +84,7 @@ class TestSpace:
         assert 0.3 < solution.load_factor < 0.423056  # below the associated factor
         best = solution.members[0]
         assert best.residual <= 1e-9
-        assert_exact(scene, best.forces, best.mechanism, best.load_factor)
+        assert_member(scene, best.forces, best.mechanism, best.load_factor)
 
     @pytest.mark.exhaustive
     def test_parabolic(self) -> None:

@@ -10,7 +10,8 @@ of that is linear in the products Z = x y of forces and y = (u, p), q being p le
 
 with R = mu N + c A. Every solution with a <= alpha <= b satisfies it, so that the least Z(alpha) .
 live is a lower bound: the first level of the reformulation-linearisation technique (Sherali and
-Adams, 1990).
+Adams, 1990). No solution lies below it, so that it is the next a: windows narrow from below until
+one no longer pays, and the narrower they are, the more their products tell.
 
 **What is proved.** All rows are products of a solution's forces with rates, whatever size these
 have. Multipliers of the rows combine them to Z(alpha) . live - F Z(1) . live, but for a residual,
@@ -50,6 +51,10 @@ from cvxlimit.reductions.choice import Reductions
 
 _LOSS = 1e-5
 """What the bound leaves to residuals of its multipliers, relative."""
+
+_WORTH = 0.1
+"""Share of the gap that a window must close for a further one, which takes as long: with less, a
+solution lies in it that the search has not found, or no window of this kind will close it."""
 
 _REFINED = 2000
 """Steps of least squares in which multipliers are refined; each takes as long as one product."""
@@ -210,21 +215,32 @@ def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Lift
     if not np.isfinite(most):
         return result("joints may press each other without end")
     unit = scaling.load_factor(1.0)
-    lift = _Lift(
-        products, (start / unit, (1.0 + _WIDER) * upper / unit), _near(problem, settings.radius)
-    )
-    run.tell(f"lifted problem: {lift.inequalities.shape[0]:,} products of forces and rates")
-    left = settings.seconds - (time.perf_counter() - since)
-    with run.clock.phase("solve"):
-        multipliers = lift.solved(left) if left > 0.0 else None
-    if multipliers is None:
-        return result("HiGHS found no optimum of the lifted problem, or not in the time")
-    with run.clock.phase("certify"):
-        factor, taken = lift.checked(multipliers, most)
-    factor = min((1.0 - _LOSS) * factor * unit, upper)
-    if factor <= start:
-        return result("the lifted problem does not raise the bound")
-    return result("multipliers recomputed in NumPy", factor, _LOSS * factor / unit / taken)
+    lowest, rates, note = start, np.inf, "the lifted problem does not raise the bound"
+    while True:
+        lift = _Lift(
+            products,
+            (lowest / unit, (1.0 + _WIDER) * upper / unit),
+            _near(problem, settings.radius),
+        )
+        run.tell(f"lifted problem: {lift.inequalities.shape[0]:,} products of forces and rates")
+        left = settings.seconds - (time.perf_counter() - since)
+        with run.clock.phase("solve"):
+            multipliers = lift.solved(left) if left > 0.0 else None
+        if multipliers is None:
+            note = "HiGHS found no optimum of the lifted problem, or not in the time"
+            break
+        with run.clock.phase("certify"):
+            factor, taken = lift.checked(multipliers, most)
+        factor = min((1.0 - _LOSS) * factor * unit, upper)
+        if factor <= lowest:
+            break
+        gap, rise, lowest = upper - lowest, factor - lowest, factor
+        rates = min(rates, _LOSS * factor / unit / taken)
+        if rise < _WORTH * gap or upper - lowest <= 2.0 * _LOSS * upper:
+            break
+    if lowest == start:
+        return result(note)
+    return result("multipliers recomputed in NumPy", lowest, rates)
 
 
 class _Lift:
