@@ -8,7 +8,9 @@ the effective area that of the forces, and the moments are those of a force at t
 from __future__ import annotations
 
 import argparse
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import matplotlib as mpl
 import numpy as np
@@ -21,6 +23,7 @@ from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from cvxlimit import Block, Load, Scene, builtin_scene, code_check, pushover, solve
 from cvxlimit.geometry.polygons import effective_regions, torsion_arm
+from cvxlimit.io import import_geometry
 from cvxlimit.plotting import PICTURES
 
 INK, BLUE, ORANGE, GREEN, GREY = "#222222", "#0072b2", "#d55e00", "#009e73", "#8a8a8a"
@@ -284,7 +287,45 @@ def capacity() -> plt.Figure:
     return code_check(pushover(builtin_scene("stack"))).plot()
 
 
+# --- scenes of other programs --------------------------------------------------------------------
+
+
+def from_blender() -> plt.Figure:
+    """Seven boxes as Blender 5.0 has exported them, with Y forward and Z up."""
+    found = import_geometry(
+        Path(__file__).parent / "figures" / "blender.obj",
+        length_unit="m", up="z", friction=0.7, live=(0, 1, 0), density=20, supports="lowest",
+        name="wall from Blender",
+    )  # fmt: skip
+    return found.scene.plot(figsize=(4.6, 3.4))
+
+
+def from_drawing() -> plt.Figure:
+    """An elevation of closed polylines with a thickness, in millimetres, y up."""
+    import ezdxf
+
+    drawing = ezdxf.new("R2010")
+    places = [(-500, -300, 3000, 300, "GROUND")]
+    for k in range(3):
+        cuts = [0, 1000, 2000] if k % 2 else [0, 500, 1500, 2000]
+        places += [(a, 400 * k, b - a, 400, "STONES") for a, b in pairwise(cuts)]
+    for x, y, w, h, layer in places:
+        depth = {"layer": layer, "thickness": 250}
+        corners = [(x, y), (x + w, y), (x + w, y + h), (x, y + h)]
+        drawing.modelspace().add_lwpolyline(corners, close=True, dxfattribs=depth)
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "elevation.dxf")
+        drawing.saveas(file)
+        found = import_geometry(
+            file, length_unit="mm", to_unit="m", up="y", friction=0.6, live=(0, 0, 1), density=20,
+            supports=["GROUND"], name="wall from an elevation",
+        )  # fmt: skip
+    return found.scene.plot(figsize=(4.6, 3.4))
+
+
 FIGURES = {
+    "from-blender": from_blender,
+    "from-drawing": from_drawing,
     "contact-frame": contact_frame,
     "block-frame": block_frame,
     "pressure-centre": pressure_centre,
