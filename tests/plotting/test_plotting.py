@@ -40,7 +40,7 @@ LENGTH, THICKNESS, HEIGHT = 1.0, 0.5, 0.4
 
 def solution_of(scene, mechanism, /, **changes):
     fields = {
-        "scene": scene.name,
+        "scene_name": scene.name,
         "surface": "conic",
         "interaction": "none",
         "moments": "signed",
@@ -248,7 +248,7 @@ def test_a_solution_of_another_scene_is_refused(wall, mechanism):
             "bench wall, Coulomb friction: dead load cannot stand",
         ),
         (
-            {"scene": "a\nb\x00"},
+            {"scene_name": "a\nb\x00"},
             "a\ufffdb\ufffd, Coulomb friction: load factor \N{GREEK SMALL LETTER ALPHA} = 0.42306",
         ),
     ],
