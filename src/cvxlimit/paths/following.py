@@ -189,9 +189,9 @@ class Walk:
             if iterate == 1:  # as if every point slid as far as the live load goes
                 slides = np.full(len(points), push / self.loads.size)
             forces = increment.priced(push, slides)
-            answer = forces
-            if isinstance(forces, Found):
-                answer = increment.held(push, forces.forces[:, 0])
+            if not isinstance(forces, Found):
+                return best or self._no_answer(forces, w, moved)
+            answer = increment.held(push, forces.forces[:, 0])
             if not isinstance(answer, Found):
                 return best or self._no_answer(answer, w, moved)
             moved, most = self._moved(answer)
@@ -199,13 +199,11 @@ class Walk:
             is_still = size <= _STILL
             overrun = -points.gap.min(initial=0.0) > 10.0 * _STILL * self.size
             if not overrun and (is_still or (iterate > _SURE and size <= _FAR)):
-                closed = points.closed(self.flow, self.size)
-                within = Increment(self.scene, closed, pose, self.loads)
-                forces = within.priced(push, np.linalg.norm(closed.slip, axis=1))
-                loss = closed.lost(forces.forces) / work if isinstance(forces, Found) else np.inf
-                if isinstance(forces, Found) and loss <= (best.shown.loss if best else _LOST):
+                loss = points.lost(forces.forces) / work
+                is_closed = points.bearing_gap(forces.forces) <= _FAR * self.size
+                if is_closed and loss <= (best.shown.loss if best else _LOST):
                     at = w - push / self.loads.size
-                    best = self._shown(pose, closed, forces, at, size, iterate, loss)
+                    best = self._shown(pose, points, forces, at, size, iterate, loss)
                 if is_still or (best is not None and best.shown.loss <= SLIDING):
                     break
             pose = pose.moved(self.scene.free, min(1.0, most) * answer.d)
@@ -245,7 +243,10 @@ class Walk:
 
     def proved(self, found: _At) -> _At:
         shown = found.shown
-        bracket, widest = bracket_of(self.scene, shown.points, found.pose, self.loads, self.flow)
+        least = 0.0 if self.has_dilatancy else shown.points.bearing_gap(shown.forces)
+        bracket, widest = bracket_of(
+            self.scene, shown.points, found.pose, self.loads, self.flow, least
+        )
         return replace(found, shown=replace(shown, bracket=bracket, widest_gap=widest))
 
     def keep(self, found: _At) -> None:

@@ -76,10 +76,15 @@ class Points:
         lost = n * self.gap + self.friction * n * slid + (forces[:, 1:] * self.slip).sum(axis=1)
         return float(np.abs(lost).sum())
 
-    def closed(self, flow: Flow, size: float) -> Points:
-        """Those whose gap, less friction times slip where that is what joints open by, is within
-        1e-6 of the contact size."""
-        return self.take((self.distance if flow == "associated" else self.gap) <= CLOSED * size)
+    def closed(self, flow: Flow, least: float) -> Points:
+        """Those whose gap, less friction times slip where that is what joints open by, is no more
+        than ``least``."""
+        return self.take((self.distance if flow == "associated" else self.gap) <= least)
+
+    def bearing_gap(self, forces: FloatArray) -> float:
+        """The widest gap across which forces (k, 3) bear."""
+        bears = forces[:, 0] > CLOSED * forces[:, 0].max(initial=0.0)
+        return float(self.gap[bears].max(initial=0.0))
 
     def take(self, which: NDArray[Any]) -> Points:
         """Some of the points, by number or by a truth value for each."""

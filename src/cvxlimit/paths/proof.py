@@ -14,7 +14,7 @@ from cvxlimit.model.assemblage import Balance
 from cvxlimit.model.goals import Stated, largest_self_stress
 from cvxlimit.paths.increment import LADDER, Increment, Loads, point_forces
 from cvxlimit.paths.pairs import Pose
-from cvxlimit.paths.path import Flow, Points
+from cvxlimit.paths.path import CLOSED, Flow, Points
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Bracket
@@ -26,11 +26,13 @@ _IDLE = 1e-7
 
 
 def bracket_of(
-    scene: Scene, points: Points, pose: Pose, loads: Loads, flow: Flow = "associated"
-) -> tuple[Bracket, float]:
-    """Bounds on the largest load factor that the closed points carry, and their widest gap."""
+    scene: Scene, points: Points, pose: Pose, loads: Loads, flow: Flow = "associated",
+    least: float = 0.0,
+) -> tuple[Bracket, float]:  # fmt: skip
+    """Bounds on the largest load factor that the closed points carry, and their widest gap; up to
+    ``least`` a point counts as closed in any case."""
     size = scene.contacts.typical_size
-    closed = points.closed(flow, size)
+    closed = points.closed(flow, max(CLOSED * size, least))
     widest = float((closed.distance if flow == "associated" else closed.gap).max(initial=0.0))
     whole = Increment(scene, closed, pose, loads)
     found = _run(whole)

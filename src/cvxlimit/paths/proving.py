@@ -87,7 +87,8 @@ def _wrong(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
             yield f"loss {shown.loss:.1e}", f"friction lacks {lost:.1e} of the step's work"
     if shown.bracket is None:
         return
-    found = bracket_of(scene, points, pose, walk.loads, walk.flow)[0]
+    least = 0.0 if walk.has_dilatancy else shown.points.bearing_gap(shown.forces)
+    found = bracket_of(scene, points, pose, walk.loads, walk.flow, least)[0]
     unit = max(abs(walk.found[0].shown.load_factor), abs(shown.load_factor))
     for end, is_safe in (("lower", 1.0), ("upper", -1.0)):
         held, again = getattr(shown.bracket, end), getattr(found, end)
