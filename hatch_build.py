@@ -82,7 +82,7 @@ def on_an_index(text: str, address: str = "") -> str:
 
 
 SOLVERS = "cvxlimit/solvers"
-SOURCES = ("cholesky.c", "interior/batch.c", "interior/small.c")
+SOURCES = ("cholesky.c", "interior.c")
 FLAGS = {"unix": ["-O3", "-g0", "-fno-math-errno"], "msvc": ["/O2", "/std:c11"]}
 STABLE = "0x030B0000"  # Python 3.11
 

@@ -1,8 +1,8 @@
 """The interior point for contacts beside Clarabel and QOCO: CPU milliseconds, cold and warm.
 
-Medians; methods in turns; our own as one compiled call for small programs, and in compiled parts.
-Cold: the limit problem, by tolerance. Warm: the same with friction 1 % higher, from a point on the
-way to the first answer (``middle``). Times are the solver's alone.
+Medians; methods in turns. Cold: the limit problem, by tolerance. Warm: the same with friction 1 %
+higher, from a point on the way to the first answer (``middle``). Times are the solver's alone, with
+its order of elimination.
 """
 
 from __future__ import annotations
@@ -14,15 +14,13 @@ from statistics import median
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks.experiment import Head, Lines, Part, experiment
 from cvxlimit import Scene, builtin_scene
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solvers import Blockwise, settings_for
-from cvxlimit.solvers.interior.iteration import InteriorPoint, Point, Result
-from cvxlimit.solvers.interior.whole import small_program
+from cvxlimit.solvers.interior import Point, Program, Result, minimised, order_of
 from cvxlimit.surfaces.coulomb import surfaces_of
 
 SCENES = (
@@ -30,17 +28,13 @@ SCENES = (
     "s10-panel",
 )  # fmt: skip
 TOLERANCES = (1e-6, 1e-8)
-WAYS = ("whole", "compiled")
-"""Ways to run our own: ``whole`` is one compiled call."""
-
 OTHERS = (("CLARABEL", 1e-8), ("QOCO", 1e-8), ("QOCO", 1e-6))
 COLUMNS = tuple(f"{tolerance:g}{warm}" for tolerance in TOLERANCES for warm in ("", " warm"))
-METHODS = ("CLARABEL", "QOCO", *(f"own {way}" for way in WAYS))
+METHODS = ("CLARABEL", "QOCO", "own")
 """Columns and rows of the table: methods that say nothing are left out."""
 
 
-Run = Callable[[float, Point | None], Result | None]
-Program = tuple[NDArray[np.float64], sp.csc_array, NDArray[np.float64], tuple[int, int, list[int]]]
+Run = Callable[[float, Point | None], Result]
 
 
 def program_of(scene: Scene, surface: str) -> Program:
@@ -51,16 +45,15 @@ def program_of(scene: Scene, surface: str) -> Program:
     return c, sp.csc_array(data["A"]), b, (dims.zero, dims.nonneg, list(dims.soc))
 
 
-def own(scene: Scene, surface: str, way: str) -> Run:
-    """The engine on a limit problem, set up and run."""
+def own(scene: Scene, surface: str) -> Run:
+    """Our own solver on a limit problem."""
     given = program_of(scene, surface)
-    if way == "whole":
-        return lambda tolerance, start: small_program(*given, tolerance, 100, start=start)
-    c, matrix, b, cones = given
-    rows = sp.csr_array(matrix)
-    return lambda tolerance, start: InteriorPoint(c, rows, b, *cones, "supernodal").minimise(
-        tolerance, 100, [start] if start else []
-    )
+
+    def run(tolerance: float, start: Point | None) -> Result:
+        starts = [] if start is None else [start]
+        return minimised(given, tolerance, starts=starts, order=order_of(given))
+
+    return run
 
 
 def others(scene: Scene, surface: str) -> dict[str, Callable[[], object]]:
@@ -85,14 +78,11 @@ def measured(name: str, repeat: int) -> dict[str, str]:
     runs = others(scene, surface)
     found: dict[str, str] = {}
     rougher = scene.with_friction(1.01 * float(scene.contacts.friction[0]))
-    for way in WAYS:
-        first, second = own(scene, surface, way), own(rougher, surface, way)
-        before = first(1e-6, None)
-        if before is None:  # too large for it
-            continue
-        for tolerance in TOLERANCES:
-            runs[f"own {way} {tolerance:g}"] = partial(first, tolerance, None)
-            runs[f"own {way} {tolerance:g} warm"] = partial(second, tolerance, before.middle)
+    first, second = own(scene, surface), own(rougher, surface)
+    before = first(1e-6, None)
+    for tolerance in TOLERANCES:
+        runs[f"own {tolerance:g}"] = partial(first, tolerance, None)
+        runs[f"own {tolerance:g} warm"] = partial(second, tolerance, before.middle)
     seconds: dict[str, list[float]] = {label: [] for label in runs}
     for _ in range(repeat):
         for label, run in runs.items():

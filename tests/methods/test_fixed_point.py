@@ -30,7 +30,7 @@ from cvxlimit.solvers import (
     run,
     settings_for,
 )
-from cvxlimit.solvers.interior.iteration import Point
+from cvxlimit.solvers.interior import Point
 from cvxlimit.surfaces import Cone, Conic, Facets
 from rows import assert_same_rows
 

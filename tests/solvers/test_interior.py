@@ -1,9 +1,9 @@
-"""Our own solver: its algebra by definition, its answers by other solvers and by hand."""
+"""Our own solver: its answers by other solvers, by hand, and by what makes them optimal."""
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from contextlib import suppress
 from typing import Any
 
 import cvxpy as cp
@@ -30,13 +30,8 @@ from cvxlimit.solvers import (
     default_ladder,
     limit_ladder,
 )
-from cvxlimit.solvers.extensions import BATCH, SMALL
-from cvxlimit.solvers.interior.compiled import CompiledCones, CompiledSystem
-from cvxlimit.solvers.interior.cones import Cones
-from cvxlimit.solvers.interior.elimination import NewtonSystem
-from cvxlimit.solvers.interior.iteration import InteriorPoint, Point, Result
-from cvxlimit.solvers.interior.whole import HANDED_OVER, small_program
-from cvxlimit.solvers.sparse import backends
+from cvxlimit.solvers.extensions import INTERIOR
+from cvxlimit.solvers.interior import Point, Program, Result, minimised, order_of
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 from helpers import assert_certified, named_scene, scenes
 from kinematics import KinematicProblem
@@ -47,187 +42,7 @@ OWN = SolverSettings("BLOCKWISE")
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-COMPILED = pytest.mark.skipif(BATCH is None, reason="not compiled here")
-SYSTEMS = [NewtonSystem, pytest.param(CompiledSystem, marks=COMPILED)]
-KINDS = [Cones, pytest.param(CompiledCones, marks=COMPILED)]
-
-
-def random_cones(rng: np.random.Generator, kind: type[Cones] = Cones) -> Cones:
-    """Up to a dozen cones of sizes 1 to 5, some of equal size."""
-    slabs = [tuple(map(int, rng.integers(1, 6, 2))) for _ in range(int(rng.integers(1, 5)))]
-    return kind(int(rng.integers(0, 5)), slabs)  # type: ignore[arg-type]
-
-
-def inside(cones: Cones, rng: np.random.Generator, margin: float = 0.1) -> FloatArray:
-    v = rng.normal(size=cones.size)
-    return v + (margin - cones.margin(v)) * cones.identity
-
-
-@pytest.mark.parametrize("kind", KINDS)
-class TestCones:
-    @given(seed=SEEDS)
-    @settings(max_examples=50, deadline=None)
-    def test_scaling_maps_z_and_s_to_one_point(self, kind: type[Cones], seed: int) -> None:
-        """The definition W z = W^-1 s; 1e-9 for points up to 1e-3 from the boundary."""
-        rng = np.random.default_rng(seed)
-        cones = random_cones(rng, kind)
-        s, z = inside(cones, rng, 1e-3), inside(cones, rng, 1e-3)
-        scaling = cones.scaling(s, z)
-        v = rng.normal(size=cones.size)
-        close = partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9)
-        close(scaling.times(z), scaling.lam)
-        close(scaling.times(scaling.lam), s)
-        close(scaling.squared(v), scaling.times(scaling.times(v)))
-        # rounding grows with the square of what W does: 3e-9 in the worst of thousands of cases
-        close(scaling.squared(scaling.squared(v), -1.0), v, rtol=1e-7, atol=1e-7)
-        if kind is not Cones:
-            return
-        for slab, (place, shape) in enumerate(zip(cones.places, cones.shapes, strict=True)):
-            applied = scaling.over(slab, v[place].reshape(shape)[:, None])
-            whole = np.zeros_like(v)
-            whole[place] = applied.ravel()
-            close(scaling.times(whole)[place], v[place])
-
-    @given(seed=SEEDS)
-    @settings(max_examples=50, deadline=None)
-    def test_quotient_undoes_product(self, kind: type[Cones], seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        cones = random_cones(rng, kind)
-        u, v = inside(cones, rng), rng.normal(size=cones.size)
-        product = cones.product(u, v)
-        np.testing.assert_allclose(cones.quotient(product, u), v, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(cones.product(u, cones.identity), u, atol=1e-12)
-
-    @given(seed=SEEDS)
-    @settings(max_examples=50, deadline=None)
-    def test_step_ends_on_the_boundary(self, kind: type[Cones], seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        cones = random_cones(rng, kind)
-        u, d = inside(cones, rng), rng.normal(size=cones.size)
-        t = float(cones.steps(u, d)[0])
-        if np.isinf(t):
-            assert cones.margin(d) >= -1e-12
-        else:
-            assert cones.margin(u + t * d) == pytest.approx(0.0, abs=1e-9 * (1.0 + t))
-            assert cones.margin(u + 0.99 * t * d) > 0.0
-
-    @given(seed=SEEDS)
-    @settings(max_examples=50, deadline=None)
-    def test_clipping_moves_eigenvalues_and_no_more(self, kind: type[Cones], seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        cones = random_cones(rng, kind)
-        u = 3.0 * rng.normal(size=cones.size)
-        clipped = cones.clipped(u, 0.2, 1.5)
-        assert cones.margin(clipped) >= 0.2 - 1e-12
-        assert cones.margin(1.5 * cones.identity - clipped) >= -1e-12
-        np.testing.assert_allclose(cones.clipped(clipped, 0.2, 1.5), clipped, atol=1e-12)
-
-    def test_a_point_on_the_boundary_has_no_scaling(self, kind: type[Cones]) -> None:
-        cones = kind(1, [(3, 1)])
-        with pytest.raises(FloatingPointError, match="left the cones"):
-            cones.scaling(np.array([1.0, 1.0, 1.0, 0.0]), cones.identity)
-
-    def test_nan_is_seen(self, kind: type[Cones]) -> None:
-        cones = kind(2, [(3, 2)])
-        for place in range(cones.size):
-            v = cones.identity.copy()
-            v[place] = np.nan
-            assert np.isnan(cones.margin(v))
-            with pytest.raises(FloatingPointError):
-                cones.scaling(v, cones.identity)
-
-    def test_margins_of_infinite_heads(self, kind: type[Cones]) -> None:
-        """They are no NaN: the other cones' margin, or none."""
-        cones = kind(1, [(3, 2)])
-        u = 2.0 * cones.identity
-        u[1] = np.inf
-        assert cones.margin(u) == 2.0
-        u[1] = -np.inf
-        assert cones.margin(u) == -np.inf
-
-
-@pytest.mark.parametrize("backend", backends())
-class TestNewtonSystem:
-    @pytest.mark.parametrize("kind", SYSTEMS)
-    def test_agrees_with_a_dense_solution(self, kind: type[NewtonSystem], backend: str) -> None:
-        """The whole matrix, written out; 1e-9 because the right-hand sides are of order one."""
-        rng = np.random.default_rng(3)
-        G = sp.block_diag(  # rows in another order than the cones, so that blocks mix both kinds
-            [sp.csr_array(rng.normal(size=(7, width))) for width in (3, 4, 2)]
-        ).tocsr()
-        order = [0, 1, 7, 8, 14, 15, 16, 17, 2, 3, 4, 9, 10, 11, 5, 6, 18, 19, 12, 13, 20]
-        G = sp.hstack([G[order], sp.csr_array((21, 1))]).tocsr()
-        E = sp.csr_array(rng.normal(size=(5, 10)))
-        system = kind(sp.vstack([E, G]).tocsr(), 5, 8, [3, 3, 4, 3], backend)
-        cones = system.cones
-        scaling = cones.scaling(inside(cones, rng), inside(cones, rng))
-        system.factorise(scaling)
-        right = rng.normal(size=36)
-        W = np.stack([scaling.times(row) for row in np.eye(21)])
-        G, E = G[system.rows][:, system.columns], E[:, system.columns]
-        whole = np.block(
-            [
-                [np.zeros((10, 10)), E.toarray().T, G.toarray().T],
-                [E.toarray(), np.zeros((5, 26))],
-                [G.toarray(), np.zeros((21, 5)), -W @ W],
-            ]
-        )
-        expected = np.linalg.solve(whole, right)
-        np.testing.assert_allclose(system.solve(right), expected, atol=1e-9)
-
-    @pytest.mark.parametrize("kind", SYSTEMS)
-    def test_hard_blocks_among_others(self, kind: type[NewtonSystem], backend: str) -> None:
-        """Columns that are equal but for 1e-5, which squares lose half of their digits on, in
-        some of 13 blocks: by the residual of the whole system, relative to what adds up in it;
-        1e-9 for six digits lost."""
-        rng = np.random.default_rng(4)
-        blocks = [rng.normal(size=(4, 3)) for _ in range(13)]
-        for hard in (0, 5, 6, 12):
-            blocks[hard][:, 1] = blocks[hard][:, 0] + 1e-5 * blocks[hard][:, 1]
-        G = sp.block_diag([sp.csr_array(block) for block in blocks]).tocsr()
-        E = sp.csr_array(rng.normal(size=(8, 39)))
-        system = kind(sp.vstack([E, G]).tocsr(), 8, 52, [], backend)
-        scaling = system.cones.scaling(*rng.uniform(0.5, 2.0, (2, 52)))
-        system.factorise(scaling)
-        right = rng.normal(size=39 + 8 + 52)
-        x, y, z = system.parts(system.solve(right))
-        E, G = E[:, system.columns], G[system.rows][:, system.columns]
-        left = np.concatenate([E.T @ y + G.T @ z, E @ x, G @ x - scaling.squared(z)]) - right
-        terms = abs(E.T) @ abs(y) + abs(G.T) @ abs(z), abs(E) @ abs(x), abs(G) @ abs(x)
-        assert np.all(np.abs(left) <= 1e-9 * (1.0 + np.concatenate(terms)))
-
-    @pytest.mark.parametrize("kind", SYSTEMS)
-    def test_entries_given_twice_add_up(self, kind: type[NewtonSystem], backend: str) -> None:
-        """Each entry in two halves, then other numbers: as a system made of those; 1e-9 because
-        the right-hand side is of order one."""
-        rng = np.random.default_rng(6)
-        G = sp.block_diag([sp.csr_array(rng.normal(size=(5, 3))) for _ in range(6)], format="csr")
-        G = sp.hstack([G, sp.csr_array((30, 1))])
-        A = sp.vstack([sp.csr_array(rng.normal(size=(7, 19))), G], format="csr")
-        halves = [np.repeat(0.5 * A.data, 2), np.repeat(A.indices, 2), 2 * A.indptr]
-        scaled, right = rng.uniform(0.5, 2.0, (2, 30)), rng.normal(size=19 + 7 + 30)
-        answers = []
-        for factor in (1.0, 3.0):
-            whole = kind(factor * A, 7, 30, [], backend)
-            twice = kind(sp.csr_array(tuple(halves), shape=A.shape), 7, 30, [], backend)
-            twice.renew(factor * halves[0])
-            for system in (whole, twice):
-                system.factorise(system.cones.scaling(*scaled))
-                answers.append(system.solve(right))
-        np.testing.assert_allclose(answers[1], answers[0], atol=1e-9)
-        np.testing.assert_allclose(answers[3], answers[2], atol=1e-9)
-        assert np.abs(answers[2] - answers[0]).max() > 0.01
-
-    def test_a_bounded_variable_in_all_equations(self, backend: str) -> None:
-        """It borders the Schur complement although it has a cone row: max t, t <= 2 or less."""
-        n = 300
-        for most, expected in ((2.0, 2.0), (0.5, 0.5), (9.0, 3.0)):
-            t, x = cp.Variable(), cp.Variable(n)
-            problem = cp.Problem(
-                cp.Maximize(t), [x == t * np.ones(n) - 1.0, x <= 2.0, x >= -4.0, t <= most]
-            )
-            value = problem.solve(solver=Blockwise(), backend=backend)
-            assert value == pytest.approx(expected, abs=1e-8)
+pytestmark = pytest.mark.skipif(INTERIOR is None, reason="not compiled here")
 
 
 def random_program(rng: np.random.Generator) -> cp.Problem:
@@ -271,12 +86,7 @@ class TestAnswers:
         for constraint, dual in zip(problem.constraints, expected, strict=True):
             np.testing.assert_allclose(_flat(constraint.dual_value), _flat(dual), atol=1e-5)
 
-    @pytest.mark.exhaustive_cases(*(f"s10-panel-conic-0.259313-{name}" for name in backends()))
-    @pytest.mark.exhaustive_cases(
-        *(f"s12-panel-octagon-0.184581-{name}" for name in backends()),
-        *(f"s12-panel-conic-0.181935-{name}" for name in backends()),
-    )
-    @pytest.mark.parametrize("backend", backends())
+    @pytest.mark.exhaustive_cases("s10-panel-conic-0.259313", "s12-panel-octagon-0.184581")
     @pytest.mark.parametrize(
         ("name", "surface", "published"),
         [
@@ -289,12 +99,9 @@ class TestAnswers:
             ("s10-panel", "conic", 0.259313),
         ],
     )
-    def test_published_values(
-        self, name: str, surface: str, published: float, backend: str
-    ) -> None:
+    def test_published_values(self, name: str, surface: str, published: float) -> None:
         """On its own, certified: digits and tolerance of tests/whole/test_published.py."""
-        rung = SolverSettings("BLOCKWISE", {"backend": backend})
-        solution = solve(builtin_scene(name), surface, ladder=[rung])
+        solution = solve(builtin_scene(name), surface, ladder=[OWN])
         assert_certified(solution, builtin_scene(name), proved=name != "ferris-tin-loi-1")
         assert solution.load_factor == pytest.approx(published, rel=1e-5)
 
@@ -325,7 +132,6 @@ class TestAnswers:
         assert solution.status is Status.CERTIFIED
         assert_certified(solution, scene)
 
-    @pytest.mark.parametrize("backend", backends())
     @pytest.mark.parametrize(
         ("constraints", "value"),
         [
@@ -337,11 +143,11 @@ class TestAnswers:
         ],
         ids=["free direction", "twice", "empty", "contradiction", "empty contradiction"],
     )
-    def test_degenerate_programs(self, constraints: Any, value: float, backend: str) -> None:
+    def test_degenerate_programs(self, constraints: Any, value: float) -> None:
         """Values by hand: the least sum of 8 x and 8 y >= 0."""
         x, y = cp.Variable(8), cp.Variable(8)
         problem = cp.Problem(cp.Minimize(cp.sum(x) + cp.sum(y)), [*constraints(x, y), y >= 0])
-        assert problem.solve(solver=Blockwise(), backend=backend) == pytest.approx(value, rel=1e-8)
+        assert problem.solve(solver=Blockwise()) == pytest.approx(value, rel=1e-8)
 
     def test_other_formulation(self) -> None:
         state = LimitProblem(builtin_scene("tuff-wall"), formulation=resultants).run(OWN)
@@ -349,28 +155,13 @@ class TestAnswers:
 
 
 @pytest.fixture(scope="module")
-def program() -> InteriorPoint:
+def program() -> Program:
     return _program(builtin_scene("tuff-wall"))
 
 
 @pytest.fixture(scope="module")
-def cold(program: InteriorPoint) -> Result:
-    return program.minimise(1e-8, 100)
-
-
-@COMPILED
-@pytest.mark.parametrize("name", ["tuff-wall", "ferris-tin-loi-2", "dome"])
-@pytest.mark.parametrize("surface", ["conic", "octagon"])
-def test_compiled_or_not_the_answer_is_one(
-    monkeypatch: pytest.MonkeyPatch, name: str, surface: str
-) -> None:
-    """A load factor to 1e-9, which both were asked for, on surfaces with and without cones."""
-    scene, factors = builtin_scene(name), []
-    for extension in (BATCH, None):
-        monkeypatch.setattr("cvxlimit.solvers.interior.compiled.BATCH", extension)
-        rung = SolverSettings("BLOCKWISE", {"tolerance": 1e-9})
-        factors.append(solve(scene, surface, ladder=[rung]).load_factor)
-    assert factors[0] == pytest.approx(factors[1], rel=1e-8)
+def cold(program: Program) -> Result:
+    return minimised(program, 1e-8)
 
 
 class TestWarmStarts:
@@ -382,39 +173,37 @@ class TestWarmStarts:
     ) -> None:
         """Two solves to 1e-8 agree to 1e-7."""
         other = _program(builtin_scene("tuff-wall").with_friction(friction))
-        own, warm = other.minimise(1e-8, 100), other.minimise(1e-8, 100, [cold.middle])
+        own, warm = minimised(other, 1e-8), minimised(other, 1e-8, starts=_way(cold))
         assert warm.status == own.status == "Solved"
         assert warm.objective == pytest.approx(own.objective, rel=1e-7)
 
     @pytest.mark.parametrize("seed", range(4))
     @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-    def test_noise(self, program: InteriorPoint, cold: Result, seed: int, size: float) -> None:
+    def test_noise(self, program: Program, cold: Result, seed: int, size: float) -> None:
         rng = np.random.default_rng(seed)
         x, y, z, s = (size * rng.normal(size=len(v)) for v in _parts(cold.point))
-        found = program.minimise(1e-8, 150, [Point(x, y, np.abs(z), np.abs(s))])
+        found = minimised(program, 1e-8, starts=[Point(x, y, np.abs(z), np.abs(s))])
         if found.status == "Solved":
             assert found.objective == pytest.approx(cold.objective, rel=1e-7)
 
     @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
-    def test_nothing_to_start_from(
-        self, program: InteriorPoint, cold: Result, value: float
-    ) -> None:
+    def test_nothing_to_start_from(self, program: Program, cold: Result, value: float) -> None:
         start = Point(*(np.full_like(v, value) for v in _parts(cold.point)))
-        found = program.minimise(1e-8, 100, [start])
+        found = minimised(program, 1e-8, starts=[start])
         assert (found.status, found.objective) == (cold.status, cold.objective)
 
-    def test_another_scenes_point(self, program: InteriorPoint, cold: Result) -> None:
-        other = _program(builtin_scene("stack")).minimise(1e-8, 100)
-        found = program.minimise(1e-8, 100, [other.middle])
+    def test_another_scenes_point(self, program: Program, cold: Result) -> None:
+        other = minimised(_program(builtin_scene("stack")), 1e-8)
+        found = minimised(program, 1e-8, starts=_way(other))
         assert (found.status, found.objective) == (cold.status, cold.objective)
 
     def test_who_only_leads_ends_at_a_point_to_start_from(self) -> None:
         """Where the answer to a hundredth is all that is asked for, of residuals as well."""
         given = _program(builtin_scene("tuff-wall"))
-        lead = given.minimise(1e-2, 100, residual=1e-2)
+        lead = minimised(given, 1e-2, residual=1e-2)
         assert lead.status == "Solved"
         assert lead.middle is not None
-        found = given.minimise(1e-8, 100, [lead.middle])
+        found = minimised(given, 1e-8, starts=_way(lead))
         assert found.status == "Solved"
         assert lead.objective == pytest.approx(found.objective, rel=0.05)
 
@@ -425,13 +214,11 @@ class TestWarmStarts:
         problem = LimitProblem(assemblage)
         given = problem.program
         assert given is not None
-        matrix, cones = sp.csr_array(given.matrix), list(given.cones)
-        own = InteriorPoint(
-            given.cost, matrix, given.right, given.zero, given.nonneg, cones, "superlu"
-        )
-        middle = own.minimise(1e-8, 100).middle
+        cones = given.zero, given.nonneg, list(given.cones)
+        middle = minimised((given.cost, given.matrix, given.right, cones), 1e-8).middle
         assert middle is not None
-        assert own.cones.margin(own.h - own.system.G @ middle.x[own.system.columns]) > 0.0
+        slack = given.right[given.zero :] - given.matrix.tocsr()[given.zero :] @ middle.x
+        assert _margin(slack, cones) > 0.0
         state = problem.state(Outcome("on the way", 0.0, 0.0), middle.x, middle.y)
         bounds = Certifier(assemblage, DEFAULT_SURFACES).of(state)
         assert bounds.lower_is_proved
@@ -450,15 +237,26 @@ class TestWarmStarts:
             assert found == pytest.approx(np.sqrt((2.0 * value) ** 2 - 0.01), rel=1e-8)
 
 
-def _program(scene: Scene) -> InteriorPoint:
+def _program(scene: Scene) -> Program:
     """The limit problem as arrays, from CVXPY."""
-    problem = LimitProblem(scene).problem
+    return arrays_of(LimitProblem(scene).problem)
+
+
+def arrays_of(problem: cp.Problem) -> Program:
     data, _, _ = problem.get_problem_data(Blockwise(), solver_opts={})
     dims = data["dims"]
-    matrix, right = sp.csr_array(data["A"]), np.asarray(data["b"])
-    return InteriorPoint(
-        np.asarray(data["c"]), matrix, right, dims.zero, dims.nonneg, list(dims.soc), "superlu"
-    )
+    return data["c"], sp.csc_array(data["A"]), data["b"], (dims.zero, dims.nonneg, list(dims.soc))
+
+
+def _way(found: Result) -> list[Point]:
+    return [found.way[power] for power in sorted(found.way)]
+
+
+def _margin(v: FloatArray, cones: tuple[int, int, list[int]]) -> float:
+    """How far inside the cones a vector is at least."""
+    ends = np.cumsum([cones[1], *cones[2]])
+    parts = np.split(v, ends[:-1])
+    return min([*parts[0], *(part[0] - np.linalg.norm(part[1:]) for part in parts[1:])])
 
 
 def _parts(point: Point) -> tuple[FloatArray, ...]:
@@ -471,71 +269,95 @@ def _flat(dual: Any) -> FloatArray:
     return np.concatenate([np.atleast_1d(part).ravel() for part in parts])
 
 
-@pytest.mark.skipif(SMALL is None, reason="not compiled here")
-class TestSmall:
-    """The whole iteration compiled, on general programs; test_hull.py has copies of contacts."""
+def assert_optimal(program: Program, found: Result, error: float) -> None:
+    """By definition, to the size of the entries, which are of the order of 1: both sides feasible
+    and strictly inside, with one objective."""
+    c, A, b, cones = program
+    x, y, z, s = _parts(found.point)
+    zero = cones[0]
+    assert found.status == "Solved"
+    assert np.abs(A @ x + np.concatenate([np.zeros(zero), s]) - b).max() < error
+    assert np.abs(A.T @ np.concatenate([y, z]) + c).max() < error
+    assert min(_margin(s, cones), _margin(z, cones)) > 0.0
+    assert -b @ np.concatenate([y, z]) == pytest.approx(c @ x, rel=error, abs=error)
 
-    @staticmethod
-    def given(problem: cp.Problem) -> tuple[FloatArray, sp.csc_array, FloatArray, Any]:
-        data = problem.get_problem_data(Blockwise())[0]
-        dims = data["dims"]
-        return data["c"], sp.csc_array(data["A"]), data["b"], (dims.zero, dims.nonneg, dims.soc)
 
-    @pytest.mark.parametrize("seed", range(12))
-    def test_as_the_general_way(self, seed: int) -> None:
-        """Both to 1e-9; what else they share are formulas."""
-        c, A, b, cones = self.given(random_program(np.random.default_rng(seed)))
-        expected = InteriorPoint(c, sp.csr_array(A), b, *cones, backends()[0]).minimise(1e-9, 100)
-        found = small_program(c, A, b, cones, 1e-9, 100)
-        assert found is not None
-        assert found.status == expected.status == "Solved"
-        assert found.objective == pytest.approx(expected.objective, rel=1e-7, abs=1e-8)
+class TestPrograms:
+    """General ones, as arrays; test_hull.py has copies of contacts."""
 
-    @pytest.mark.parametrize("seed", range(12))
+    @pytest.mark.parametrize("seed", range(24))
     def test_both_sides_are_feasible(self, seed: int) -> None:
-        """Sizes of entries are of the order of 1; 1e-7 is ten times what is asked for."""
-        c, A, b, cones = self.given(random_program(np.random.default_rng(100 + seed)))
-        found = small_program(c, A, b, cones, 1e-8, 100)
-        assert found is not None
-        x, y, z, s = (getattr(found.point, name) for name in "xyzs")
-        zero, orthant, soc = cones
-        assert np.abs(A @ x + np.concatenate([np.zeros(zero), s]) - b).max() < 1e-7
-        assert np.abs(A.T @ np.concatenate([y, z]) + c).max() < 1e-7
-        for side in (s, z):
-            assert side[:orthant].min(initial=1.0) > 0.0
-            at = orthant
-            for size in soc:
-                assert np.linalg.norm(side[at + 1 : at + size]) < side[at]
-                at += size
-        assert -b @ np.concatenate([y, z]) == pytest.approx(c @ x, rel=1e-7, abs=1e-7)
+        program = arrays_of(random_program(np.random.default_rng(100 + seed)))
+        assert_optimal(program, minimised(program, 1e-8), 1e-7)
+
+    @pytest.mark.parametrize("sizes", [[1, 2], [5, 1, 9], [40]])
+    def test_cones_of_any_size(self, sizes: list[int]) -> None:
+        """The least value of a direction in a ball of n - 1 dimensions and radius 1 is -1, of the
+        head alone 1: blocks with small and large cones, whose sum is known."""
+        variables = [cp.Variable(size) for size in sizes]
+        cones = [cp.SOC(x[0], x[1:]) for x in variables if x.size > 1]
+        bounded = [x[0] <= 1.0 for x in variables if x.size > 1]
+        alone = [x >= 1.0 for x in variables if x.size == 1]
+        cost = sum(cp.sum(x) if x.size == 1 else x[-1] for x in variables)
+        total = [cp.sum(cp.hstack([x[0] for x in variables])) == len(sizes)]
+        problem = cp.Problem(cp.Minimize(cost), [*cones, *bounded, *alone, *total])
+        expected = sum(1.0 if size == 1 else -1.0 for size in sizes)
+        assert problem.solve(solver=Blockwise()) == pytest.approx(expected, abs=1e-6)
+
+    @pytest.mark.parametrize("near", [1e-3, 1e-5, 1e-7])
+    def test_hard_blocks_among_others(self, near: float) -> None:
+        """Columns that are equal but for 1e-5, which squares lose half of their digits on, in some
+        of 13 blocks."""
+        rng = np.random.default_rng(4)
+        blocks = [rng.normal(size=(6, 3)) for _ in range(13)]
+        for hard in (0, 5, 6, 12):
+            blocks[hard][:, 1] = blocks[hard][:, 0] + near * blocks[hard][:, 1]
+        x = cp.Variable(39)
+        within = [cp.abs(block @ x[3 * k : 3 * k + 3]) <= 1.0 for k, block in enumerate(blocks)]
+        equations = rng.normal(size=(8, 39)) @ x == 0.01 * rng.normal(size=8)
+        cost = sum(rng.normal(size=6) @ block @ x[3 * k :][:3] for k, block in enumerate(blocks))
+        program = arrays_of(cp.Problem(cp.Minimize(cost), [*within, equations]))
+        found = minimised(program, 1e-8)
+        assert_optimal(program, found, 1e-6)
 
     @pytest.mark.parametrize("seed", range(6))
     def test_the_order_of_what_is_given_does_not_matter(self, seed: int) -> None:
         """Equations and columns in another order, an entry in two parts: the same optimum."""
         rng = np.random.default_rng(seed)
-        c, A, b, cones = self.given(random_program(rng))
+        program = c, A, b, cones = arrays_of(random_program(rng))
         rows = np.concatenate([rng.permutation(cones[0]), np.arange(cones[0], len(b))])
         columns = rng.permutation(len(c))
         other = sp.csc_array(A[rows][:, columns])
         share = rng.random(len(other.data))
         halves = np.column_stack([share * other.data, (1.0 - share) * other.data]).ravel()
         twice = sp.csc_array((halves, np.repeat(other.indices, 2), 2 * other.indptr), other.shape)
-        first = small_program(c, A, b, cones, 1e-9, 100)
-        second = small_program(c[columns], twice, b[rows], cones, 1e-9, 100)
-        assert first is not None
-        assert second is not None
+        first = minimised(program, 1e-9)
+        second = minimised((c[columns], twice, b[rows], cones), 1e-9)
         assert second.objective == pytest.approx(first.objective, rel=1e-7, abs=1e-8)
+
+    def test_the_order_of_elimination_is_free(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """By neighbourhood, for little fill-in, or at random: a load factor to 1e-9."""
+        monkeypatch.setattr("cvxlimit.solvers.interior.FEW", 0)
+        program = _program(builtin_scene("dome"))
+        expected = minimised(program, 1e-10)
+        best = order_of(program)
+        assert best is not None
+        assert np.sort(best).tolist() == list(range(program[3][0]))
+        for order in (best, np.random.default_rng(0).permutation(best)):
+            found = minimised(program, 1e-10, order=order)
+            assert found.objective == pytest.approx(expected.objective, rel=1e-9)
+        for wrong in (best[1:], 0 * best, best + 1):
+            with pytest.raises(SolverError, match="no order"):
+                minimised(program, 1e-10, order=wrong)
 
     @pytest.mark.parametrize("seed", range(6))
     @pytest.mark.parametrize("above", [1e-3, 0.1, 1.0])
     def test_it_may_end_where_the_dual_objective_is_enough(self, seed: int, above: float) -> None:
         """What it then says is a bound: feasible duals whose objective lies between both."""
-        c, A, b, cones = self.given(random_program(np.random.default_rng(seed)))
-        whole = small_program(c, A, b, cones, 1e-9, 100)
-        assert whole is not None
+        program = c, A, b, _ = arrays_of(random_program(np.random.default_rng(seed)))
+        whole = minimised(program, 1e-9)
         enough = whole.objective - above
-        found = small_program(c, A, b, cones, 1e-9, 100, enough)
-        assert found is not None
+        found = minimised(program, 1e-9, enough=enough)
         y = np.concatenate([found.point.y, found.point.z])
         assert np.abs(A.T @ y + c).max() < 1e-3 * above
         assert enough <= -b @ y <= whole.objective + 1e-7 * (1.0 + abs(whole.objective))
@@ -544,88 +366,63 @@ class TestSmall:
     def test_any_start(self, size: float) -> None:
         """From its own path, from noise and from none the optimum is the same."""
         rng = np.random.default_rng(3)
-        c, A, b, cones = self.given(random_program(rng))
-        cold = small_program(c, A, b, cones, 1e-9, 100)
-        assert cold is not None
-        assert cold.middle is not None
-        for point in (cold.middle, cold.point):
+        program = arrays_of(random_program(rng))
+        whole = minimised(program, 1e-9)
+        for point in (*whole.way.values(), whole.point):
             noisy = Point(*(v + size * rng.normal(size=len(v)) for v in _parts(point)))
-            found = small_program(c, A, b, cones, 1e-9, 100, start=noisy)
-            assert found is not None
-            assert found.objective == pytest.approx(cold.objective, rel=1e-7, abs=1e-8)
-        short = Point(*(v[1:] for v in _parts(cold.point)))
-        found = small_program(c, A, b, cones, 1e-9, 100, start=short)
-        assert found is not None
-        assert found.objective == cold.objective
+            found = minimised(program, 1e-9, starts=[noisy])
+            if found.status == "Solved":
+                assert found.objective == pytest.approx(whole.objective, rel=1e-7, abs=1e-8)
+        short = Point(*(v[1:] for v in _parts(whole.point)))
+        assert minimised(program, 1e-9, starts=[short]).objective == whole.objective
 
-    def test_equations_out_of_reach_of_each_other(self) -> None:
-        """Two walls of blocks without a common equation, and a variable in all equations of both:
-        max t, t <= x for all x, where x = 1 and x = 2 in turns."""
-        n = 120
-        x, t = cp.Variable(n), cp.Variable()
-        value = 1.0 + np.arange(n) % 2
-        problem = cp.Problem(
-            cp.Maximize(t),
-            [x - t >= 0, x + 0 * t == value, t <= 9.0, cp.sum(x[: n // 2]) >= 0],
-        )
+    def test_a_variable_in_all_equations(self) -> None:
+        """It borders what is left although it has a cone row: max t, t <= 2 or less; then two walls
+        of blocks without a common equation, and a variable in all equations of both."""
+        n = 300
+        for most, expected in ((2.0, 2.0), (0.5, 0.5), (9.0, 3.0)):
+            t, x = cp.Variable(), cp.Variable(n)
+            problem = cp.Problem(
+                cp.Maximize(t), [x == t * np.ones(n) - 1.0, x <= 2.0, x >= -4.0, t <= most]
+            )
+            assert problem.solve(solver=Blockwise()) == pytest.approx(expected, abs=1e-8)
+        x, t = cp.Variable(120), cp.Variable()
+        rows = [x - t >= 0, x + 0 * t == 1.0 + np.arange(120) % 2, t <= 9.0, cp.sum(x[:60]) >= 0]
+        problem = cp.Problem(cp.Maximize(t), rows)
         assert problem.solve(solver=Blockwise()) == pytest.approx(1.0, abs=1e-8)
 
     def test_runs_at_the_same_time_do_not_disturb_each_other(self) -> None:
         """Programs of several sizes, one after another and in four threads: each the same to the
         last digit, whatever memory a run finds."""
-        given = [self.given(random_program(np.random.default_rng(seed))) for seed in range(12)] * 8
+        every = [arrays_of(random_program(np.random.default_rng(seed))) for seed in range(12)] * 8
 
-        def answer(program: tuple[FloatArray, sp.csc_array, FloatArray, Any]) -> FloatArray:
-            found = small_program(*program, 1e-9, 100)
-            assert found is not None
-            return np.concatenate(_parts(found.point))
+        def answer(program: Program) -> FloatArray:
+            return np.concatenate(_parts(minimised(program, 1e-9).point))
 
-        expected = [answer(program) for program in given]
+        expected = [answer(program) for program in every]
         with ThreadPoolExecutor(4) as pool:
-            for found, one in zip(pool.map(answer, given), expected, strict=True):
+            for found, one in zip(pool.map(answer, every), expected, strict=True):
                 assert np.array_equal(found, one)
 
     @pytest.mark.parametrize("value", [np.nan, np.inf])
     def test_what_is_no_number_has_no_answer(self, value: float) -> None:
         """In any place of the data, or of a start: no answer, and the same one as from afresh."""
         rng = np.random.default_rng(3)
-        c, A, b, cones = self.given(random_program(rng))
-        whole = small_program(c, A, b, cones, 1e-9, 100)
-        assert whole is not None
+        program = c, A, b, cones = arrays_of(random_program(rng))
+        whole = minimised(program, 1e-9)
         for _ in range(40):
             data = [c.copy(), A.copy(), b.copy()]
             wrong = data[rng.integers(3)]
             entries = wrong.data if isinstance(wrong, sp.csc_array) else wrong
             entries[rng.integers(len(entries))] = value
-            found = small_program(data[0], data[1], data[2], cones, 1e-9, 100)
-            assert found is None or found.status not in ("Solved", "AlmostSolved")
+            with suppress(SolverError):
+                found = minimised((*data, cones), 1e-9)  # type: ignore[arg-type]
+                assert found.status not in ("Solved", "AlmostSolved")
             parts = [part.copy() for part in _parts(whole.point)]
             start = parts[rng.integers(4)]
             start[rng.integers(len(start))] = value
-            found = small_program(c, A, b, cones, 1e-9, 100, start=Point(*parts))
-            assert found is not None
+            found = minimised(program, 1e-9, starts=[Point(*parts)])
             assert found.objective == pytest.approx(whole.objective, rel=1e-8)
-
-    def test_wrong_arrays_are_refused(self) -> None:
-        """A size that does not fit would be a crash: arrays of a wrong kind, length or place."""
-        c, A, b, (zero, orthant, soc) = self.given(random_program(np.random.default_rng(0)))
-        size = len(c) + zero + 2 * (len(b) - zero)
-        indptr, indices = A.indptr.astype(np.int32), A.indices.astype(np.int32)
-        right = [
-            c, indptr, indices, A.data, b, zero, orthant, np.array(soc), 1e-8, 50, np.inf, 0,
-            np.zeros(size), np.zeros(size), HANDED_OVER,
-        ]  # fmt: skip
-        SMALL.minimise(*right)
-        wrong = {
-            0: c[:-1], 1: indptr.astype(np.int64), 2: indices + len(b), 3: A.data[:-1], 4: b[:-1],
-            5: -1, 6: orthant + 1, 7: np.array([*soc, 3]), 12: np.zeros(size - 1),
-            13: np.zeros(size + 1), 14: HANDED_OVER[:-1], 14.5: np.nan * HANDED_OVER,
-        }  # fmt: skip
-        for place, value in ((int(place), value) for place, value in wrong.items()):
-            with pytest.raises((ValueError, BufferError)):
-                SMALL.minimise(*right[:place], value, *right[place + 1 :])
-        with pytest.raises(TypeError):
-            SMALL.minimise(*right[:-1])
 
 
 class TestNoAnswer:
@@ -680,10 +477,6 @@ class TestRefusals:
         problem = cp.Problem(cp.Minimize(cp.sum(x)))
         with pytest.raises(SolverError, match="no option 'tol'; its options are tolerance"):
             problem.solve(solver=Blockwise(), tol=1e-3)
-        with pytest.raises(
-            SolverError, match="backend must be one of supernodal, superlu, got 'lu'"
-        ):
-            problem.solve(solver=Blockwise(), backend="lu")
 
 
 class TestRule:

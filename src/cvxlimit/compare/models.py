@@ -21,7 +21,12 @@ from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.bracket import Bracket, known
-from cvxlimit.solvers import SolverSettings, check_installed, default_ladder, settings_for
+from cvxlimit.solvers import (
+    SolverSettings,
+    blockwise,
+    check_installed,
+    default_ladder,
+)
 from cvxlimit.surfaces import Cone, Facets, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of
 
@@ -272,7 +277,7 @@ class Reference(Method):
             status = str(found.status)
         else:  # two exact solvers as far as rounding lets them; all others if they fall short
             first, *others = default_ladder()
-            found = solve(scene, tolerance=1e-9, ladder=(first, settings_for("BLOCKWISE", 1e-14)))
+            found = solve(scene, tolerance=1e-9, ladder=(first, *blockwise(1e-14)))
             if found.gap > WIDTH and found.status.has_answer:
                 more = solve(scene, tolerance=WIDTH, ladder=others)
                 found = min(found, more, key=lambda solution: solution.gap)

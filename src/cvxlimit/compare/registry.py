@@ -61,11 +61,7 @@ def _solvers() -> Iterator[Model]:
     for surface in ("conic", "octagon"):
         name, line = f"{surface}/resultants/clarabel-qdldl/1e-8", f"{_called(surface)}, resultants"
         yield Model(name, line, surface, resultants, solver, 1e-8)
-        for backend, spelt in (("supernodal", "own Cholesky"), ("superlu", "SuperLU")):
-            label = f"blockwise {spelt}"
-            yield from _runs(
-                surface, f"blockwise-{backend}", "BLOCKWISE", several, label, backend=backend
-            )
+        yield from _runs(surface, "blockwise", "BLOCKWISE", several, "blockwise")
     tried = (1e-2, 1e-3, 1e-4, *several)
     yield from _runs("conic", "clarabel-qdldl", "CLARABEL", tried, _QDLDL)
     label = "Clarabel faer"

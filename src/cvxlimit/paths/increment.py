@@ -36,13 +36,13 @@ from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import Points
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import Outcome, SolverSettings, settings_for
-from cvxlimit.solvers.interior.iteration import Point
+from cvxlimit.solvers import Outcome, SolverSettings, blockwise, settings_for
+from cvxlimit.solvers.interior import Point
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces import Rocking
 from cvxlimit.surfaces.base import CONSTANT, Condition, Norm, product, times
 
-LADDER = (settings_for("BLOCKWISE", 1e-12), settings_for("CLARABEL", 1e-12))
+LADDER = (*blockwise(1e-12), settings_for("CLARABEL", 1e-12))
 
 _GAP = 1e-11
 """Relative gap of an iterate, for each of its points: 1e-17 of weight times contact size, since
@@ -260,7 +260,7 @@ class Increment:
 
     @property
     def _ladder(self) -> tuple[SolverSettings, ...]:
-        return settings_for("BLOCKWISE", max(_GAP * len(self.points), 1e-12)), *LADDER[1:]
+        return (*blockwise(max(_GAP * len(self.points), 1e-12)), LADDER[-1])
 
     def _run(
         self, problem: LimitProblem, ladder: Sequence[SolverSettings], near: Near | None = None

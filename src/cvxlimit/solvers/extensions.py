@@ -27,11 +27,8 @@ def _loaded(name: str) -> Any:
 
 _OF_SOURCES = digest()
 
-BATCH: Any = _loaded("interior._batch")
-"""Small blocks and cones of the interior point, ``interior/batch.c``; else NumPy."""
-
-SMALL: Any = _loaded("interior._small")
-"""The whole interior point for small programs, ``interior/small.c``; else the parts above."""
+INTERIOR: Any = _loaded("_interior")
+"""Our interior point, ``interior.c``; else other solvers."""
 
 CHOLESKY: Any = _loaded("_cholesky")
 """Sparse factorisation, ``cholesky.c``; else SuperLU."""

@@ -14,9 +14,14 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
 from cvxlimit.errors import ModelError
-from cvxlimit.solvers.extensions import BATCH, SMALL
-from cvxlimit.solvers.sparse import backends
-from cvxlimit.solvers.table import SOLVERS, SolverSettings, check_installed, installed, settings_for
+from cvxlimit.solvers.table import (
+    SOLVERS,
+    UNBUILT,
+    SolverSettings,
+    check_installed,
+    installed,
+    settings_for,
+)
 
 Ladder = tuple[SolverSettings, ...]
 
@@ -51,19 +56,16 @@ class LadderNumbers:
 
 NUMBERS = LadderNumbers()
 
-BLOCKWISE_FROM = {
-    "conic": (100, 8_000, 12_000),
-    "facets": (500, 1_300, 2_800),
-    "lean": (1_000, 2_500, 2_500),
-}
-"""From how many variables on the blockwise solver comes first, by the kind of problem: compiled,
-by NumPy where Clarabel is beside it, and by NumPy where QOCO is."""
+BLOCKWISE_FROM = {"conic": 100, "facets": 500, "lean": 1_000}
+"""From how many variables on the blockwise solver comes first, by the kind of problem."""
 
 
-def blockwise_from(kind: str) -> int:
-    """The number that holds here."""
-    way = 0 if BATCH is not None else 2 if "QOCO" in installed() else 1
-    return BLOCKWISE_FROM[kind][way]
+def blockwise(
+    tolerance: float | None = None, label: str = "", iterations: int | None = None
+) -> Ladder:
+    """Our own solver, where it was compiled; else no rung."""
+    own = settings_for("BLOCKWISE", tolerance, label, iterations=iterations)
+    return () if own.name in UNBUILT else (own,)
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
@@ -72,7 +74,7 @@ def default_ladder(is_conic: bool = True) -> Ladder:
     ladder = [
         settings_for("CLARABEL"),
         settings_for("RESCALED", None, "CLARABEL rescaled"),
-        settings_for("RESCALED", None, "BLOCKWISE rescaled", first="BLOCKWISE"),
+        *(settings_for("RESCALED", None, f"{own} rescaled", first=str(own)) for own in blockwise()),
         settings_for(
             "CLARABEL", 1e-13, "CLARABEL tight",
             iterations=500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50,
@@ -152,9 +154,8 @@ def iterate_ladder(is_linear: bool = True) -> Ladder:
     first, whatever else is installed, for which of many possible forces are picked depends on it.
     Our own starts from the solve before; it takes linear objectives only.
     """
-    own = settings_for("BLOCKWISE", NUMBERS.node, iterations=NUMBERS.tight_iterations)
-    first = (own,) if is_linear else ()
-    return (*first, settings_for("CLARABEL", NUMBERS.tight), *default_ladder())
+    own = blockwise(NUMBERS.node, iterations=NUMBERS.tight_iterations) if is_linear else ()
+    return (*own, settings_for("CLARABEL", NUMBERS.tight), *default_ladder())
 
 
 def leading_ladder(contacts: int = 0, tolerance: float = NUMBERS.leading) -> Ladder:
@@ -163,10 +164,7 @@ def leading_ladder(contacts: int = 0, tolerance: float = NUMBERS.leading) -> Lad
     minutes.
     """
     most = NUMBERS.leading_iterations
-    exact = settings_for(
-        "BLOCKWISE", NUMBERS.leads, f"BLOCKWISE {NUMBERS.leads:g}", iterations=most
-    )
-    own = (exact,) if SMALL is not None or contacts >= NUMBERS.leads_from else ()
+    own = blockwise(NUMBERS.leads, f"BLOCKWISE {NUMBERS.leads:g}", most)
     clarabel = clarabel_at(tolerance, iterations=most)
     if "QOCO" not in installed():
         return (*own, *clarabel)
@@ -179,8 +177,8 @@ def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
     own solver, if they are many. What it finds is strictly inside, so that bounds lose nothing.
     """
     most = NUMBERS.leading_iterations
-    own = settings_for("BLOCKWISE", tolerance, f"BLOCKWISE {tolerance:g}", iterations=most)
-    return (own,) if contacts >= NUMBERS.steps_from else ()
+    own = blockwise(tolerance, f"BLOCKWISE {tolerance:g}", most)
+    return own if contacts >= NUMBERS.steps_from else ()
 
 
 def node_ladder(contacts: int = 0, tolerance: float = 1e-4) -> Ladder:
@@ -192,20 +190,18 @@ def node_ladder(contacts: int = 0, tolerance: float = 1e-4) -> Ladder:
     most, few = NUMBERS.leading_iterations, NUMBERS.node_refinements
     clarabel = settings_for("CLARABEL", NUMBERS.node)
     if contacts >= NUMBERS.leads_from:
-        own = settings_for("BLOCKWISE", NUMBERS.node, iterations=NUMBERS.tight_iterations)
-        return (own, clarabel)
+        return (*blockwise(NUMBERS.node, iterations=NUMBERS.tight_iterations), clarabel)
     asked = max(NUMBERS.node, NUMBERS.node_share * tolerance)
-    small = () if SMALL is None else (settings_for("BLOCKWISE", asked, iterations=most),)
-    last = settings_for("BLOCKWISE", NUMBERS.node)
     qoco = settings_for("QOCO", NUMBERS.node, iterations=most, max_ir_iters=few)
-    return (*small, *((qoco,) if "QOCO" in installed() else ()), clarabel, last)
+    first, last = blockwise(asked, iterations=most), blockwise(NUMBERS.node)
+    return (*first, *((qoco,) if "QOCO" in installed() else ()), clarabel, *last)
 
 
 def tight_ladder() -> Ladder:
     """The ladder for forces that count to 1e-9 of the load: our own solver takes half to a third of
     Clarabel's time, if it is compiled."""
     most = NUMBERS.tight_iterations
-    own = () if BATCH is None else (settings_for("BLOCKWISE", NUMBERS.tight, iterations=most),)
+    own = blockwise(NUMBERS.tight, iterations=most)
     return (*own, *clarabel_at(NUMBERS.tight, iterations=most), *default_ladder()[:1])
 
 
@@ -240,23 +236,21 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
     starts no tighter than it has to.
     """
     first, *others = default_ladder(shape.cones > 0)
-    # The general way, which rounding harms less than the one for small programs.
-    own, kind = settings_for("BLOCKWISE", backend=backends()[0]), shape.kind
-    # Its iterates satisfy equilibrium and are strictly inside, so that its gap is the bracket.
-    asked, tight = NUMBERS.enough * tolerance, replace(own, label="BLOCKWISE tight")
-    if shape.variables >= max(NUMBERS.few, blockwise_from(kind)):
-        return (settings_for("BLOCKWISE", asked), tight, first, *others)
-    if shape.variables >= blockwise_from(kind):
-        digits = settings_for("BLOCKWISE", min(asked, NUMBERS.tight))
-        return (digits, first, tight, *others)
+    own, kind = blockwise(), shape.kind
+    if own and shape.variables >= BLOCKWISE_FROM[kind]:
+        # Its iterates satisfy equilibrium and are strictly inside, so that its gap is the bracket.
+        asked, tight = NUMBERS.enough * tolerance, replace(own[0], label="BLOCKWISE tight")
+        if shape.variables >= max(NUMBERS.few, BLOCKWISE_FROM[kind]):
+            return (*blockwise(asked), tight, first, *others)
+        return (*blockwise(min(asked, NUMBERS.tight)), first, tight, *others)
     if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.leading)):
-        return (first, own, *others)
+        return (first, *own, *others)
     lean = NUMBERS.finest if kind == "lean" else None
     if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
-        return (first, settings_for("QOCO", lean), own, *others)
+        return (first, settings_for("QOCO", lean), *own, *others)
     refined: dict[str, Any] = {"ir_tol": NUMBERS.finest, "max_ir_iters": NUMBERS.refinements}
     quick = settings_for("QOCO", lean, **refined)
     loose = max(NUMBERS.loose * tolerance, NUMBERS.node)
     is_loose = is_repeated and shape.cones > 0 and loose > NUMBERS.node
     before = (settings_for("QOCO", loose, **refined),) if is_loose else ()
-    return (*before, quick, first, own, *others)
+    return (*before, quick, first, *own, *others)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -19,10 +20,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
-from cvxlimit.solvers.interior.iteration import SOLVED, InteriorPoint, Point, Result
-from cvxlimit.solvers.interior.whole import small_program
-from cvxlimit.solvers.sparse import BACKENDS, backends
-from cvxlimit.solvers.threads import one_thread
+from cvxlimit.solvers.interior import SOLVED, Point, Program, minimised, order_of
 
 _Named = dict[str, Any]
 
@@ -36,14 +34,14 @@ class Blockwise(CLARABEL):
     answer before, which halves the iterations where the problem has changed little; a start that is
     no use costs time.
 
-    Options: ``tolerance`` (1e-11) of the gap, ``residual`` (1e-5 of the tolerance, at least 1e-8;
-    very small problems keep to that), ``max_iter`` (150), ``backend`` (``"supernodal"``, our own
-    Cholesky where it is compiled, or ``"superlu"``).
+    Options: ``tolerance`` (1e-11) of the gap, ``residual`` (1e-5 of the tolerance, at least 1e-8)
+    and ``max_iter`` (150).
 
     Raises
     ------
     SolverError
-        If the cones do not fall apart into small blocks, or an option is unknown.
+        If the cones do not fall apart into small blocks, an option is unknown, or it was not
+        compiled when the package was installed.
 
     Example
     -------
@@ -113,27 +111,29 @@ class Blockwise(CLARABEL):
     ) -> SimpleNamespace:
         """Solve from CVXPY's matrices; the answer has the fields of Clarabel's."""
         options, kept = _checked(solver_opts), {} if solver_cache is None else solver_cache
-        c, b = (np.asarray(data[key], dtype=float) for key in (keys.C, keys.B))
-        backend, way = options.pop("backend"), kept.setdefault("way", {})
-        starts = [way[power] for power in sorted(way)]
-        last: Point | None = kept.get("middle")
+        dims, matrix = data[ConicSolver.DIMS], sp.csc_array(data[keys.A])
+        cones = dims.zero, dims.nonneg, list(dims.soc)
+        c, values, b = (np.asarray(v, float) for v in (data[keys.C], matrix.data, data[keys.B]))
+        matrix = sp.csc_array((values, matrix.indices, matrix.indptr), matrix.shape)
+        program = c, matrix, b, cones
+        way: dict[int, Point] = kept.setdefault("way", {})
+        starts: list[Point] = [way[power] for power in sorted(way)]
         if not warm_start:
             starts = kept.get("starts", [])
-            last = starts[0] if starts else None
-        asked = _Asked.of(c, data, b, solver_opts) if warm_start else None
+        asked = _Asked.of(program, solver_opts, data.get("enough")) if warm_start else None
         before: _Asked | None = kept.get("asked")
         if asked is not None and before is not None and before.is_about(asked):
             # A start, and be it the best, would change the last digits of the same answer.
             if before.about == asked.about:
                 return cast(SimpleNamespace, kept["answer"])
-            starts, last = [], None
-        result = None if "backend" in solver_opts else _small(c, data, b, options, last)
-        if result is None:
-            with one_thread():
-                own = kept[self.name()] = _Kept.of(kept.get(self.name()), c, data, b, backend)
-                result = own.program.minimise(**options, starts=starts)
-                if starts and result.status != SOLVED:
-                    result = own.program.minimise(**options)
+            starts = []
+        own = kept[self.name()] = _Ordered.of(kept.get(self.name()), program)
+        again = partial(
+            minimised, program, **options, enough=data.get("enough", np.inf), order=own.order
+        )
+        result = again(starts=starts)
+        if starts and result.status != SOLVED:
+            result = again()
         way |= result.way
         if result.middle is not None:
             kept["middle"] = result.middle
@@ -146,9 +146,9 @@ class Blockwise(CLARABEL):
             iterations=result.iterations,
         )
         if verbose:
-            cones, heat = len(data[ConicSolver.DIMS].soc), "warm" if starts else "cold"
+            heat = "warm" if starts else "cold"
             keys.LOGGER.info(
-                f"{self.name()}: {len(c):,} variables, {len(b):,} rows, {cones:,} cones; "
+                f"{self.name()}: {len(c):,} variables, {len(b):,} rows, {len(dims.soc):,} cones; "
                 f"{result.iterations} iterations from a {heat} start, {result.seconds:.4f} s; "
                 f"{result.status}, objective {result.objective:.12g}"
             )
@@ -164,63 +164,37 @@ class _Asked:
     about: tuple[object, ...]
 
     @classmethod
-    def of(cls, c: FloatArray, data: _Named, b: FloatArray, options: _Named) -> _Asked:
-        dims, matrix = data[ConicSolver.DIMS], data[keys.A]
-        cones = np.array([dims.zero, dims.nonneg, *dims.soc])
-        numbers = c, b, matrix.data, matrix.indices, matrix.indptr, cones
-        return cls(tuple(part.copy() for part in numbers), (options, data.get("enough")))
+    def of(cls, program: Program, options: _Named, enough: float | None) -> _Asked:
+        c, matrix, b, (zero, orthant, soc) = program
+        numbers = c, b, matrix.data, matrix.indices, matrix.indptr, np.array([zero, orthant, *soc])
+        return cls(tuple(part.copy() for part in numbers), (options, enough))
 
     def is_about(self, other: _Asked) -> bool:
         return all(map(np.array_equal, self.numbers, other.numbers))
 
 
-def _small(
-    c: FloatArray, data: _Named, b: FloatArray, options: _Named, start: Point | None
-) -> Result | None:
-    """The answer by one compiled call, where the program suits and it finds one."""
-    dims, matrix = data[ConicSolver.DIMS], data[keys.A]
-    matrix = matrix if isinstance(matrix, sp.csc_array) else sp.csc_array(matrix)
-    return small_program(
-        c, matrix, b, (dims.zero, dims.nonneg, list(dims.soc)),
-        options["tolerance"], options["max_iter"], data.get("enough", np.inf), start,
-    )  # fmt: skip
-
-
 @dataclass(frozen=True, eq=False)
-class _Kept:
-    """A program, for the next of its pattern."""
+class _Ordered:
+    """The order of elimination of a program, for the next of its pattern."""
 
-    program: InteriorPoint
-    matrix: sp.csc_array
-    about: tuple[object, ...]
-    by_rows: IntArray
+    program: Program
+    order: IntArray | None
 
     @classmethod
-    def of(cls, before: Any, c: FloatArray, data: _Named, b: FloatArray, backend: str) -> _Kept:
-        dims, matrix = data[ConicSolver.DIMS], sp.csc_array(data[keys.A])
-        about = (matrix.shape, dims.zero, dims.nonneg, list(dims.soc), backend)
-        if isinstance(before, _Kept) and before.about == about and _is_alike(before.matrix, matrix):
-            before.program.renew(c, np.asarray(matrix.data[before.by_rows], dtype=float), b)
-            return before
-        places = np.arange(matrix.nnz), matrix.indices, matrix.indptr
-        by_rows = sp.csc_array(places, shape=matrix.shape).tocsr().data
-        program = InteriorPoint(c, sp.csr_array(matrix), b, *about[1:4], backend)
-        return cls(program, matrix, about, by_rows)
-
-
-def _is_alike(one: sp.csc_array, other: sp.csc_array) -> bool:
-    same = np.array_equal(one.indptr, other.indptr) and np.array_equal(one.indices, other.indices)
-    return bool(same)
+    def of(cls, before: Any, program: Program) -> _Ordered:
+        if isinstance(before, _Ordered) and before.program[3] == program[3]:
+            one, other = before.program[1], program[1]
+            same = one.shape == other.shape and np.array_equal(one.indptr, other.indptr)
+            if same and np.array_equal(one.indices, other.indices):
+                return before
+        return cls(program, order_of(program))
 
 
 def _checked(options: _Named) -> _Named:
-    known = {"tolerance": 1e-11, "residual": None, "max_iter": 150, "backend": backends()[0]}
-    unknown, backend = [*options.keys() - known.keys()], options.get("backend", "superlu")
-    if unknown:
+    known = {"tolerance": 1e-11, "residual": None, "max_iter": 150}
+    if unknown := [*options.keys() - known.keys()]:
         has = f"its options are {', '.join(known)}"
         raise SolverError(f"blockwise has no option {unknown[0]!r}; {has}")
-    if backend not in BACKENDS:
-        raise SolverError(f"backend must be one of {', '.join(BACKENDS)}, got {backend!r}")
     return {**known, **options}
 
 

@@ -13,8 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.sparse.linalg import SuperLU as SuperLUFactors
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.solvers.extensions import CHOLESKY
@@ -71,7 +70,7 @@ def symmetric_lu(matrix: sp.csc_array, order: Literal["NATURAL", "MMD_AT_PLUS_A"
     return solve
 
 
-def _lu(matrix: sp.csc_array, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> SuperLUFactors:
+def _lu(matrix: sp.csc_array, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> SuperLU:
     options = {"SymmetricMode": True, "Equil": False}
     return splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options=options)
 
@@ -96,33 +95,6 @@ class Supernodal:
         for column in columns if right.ndim > 1 else [columns]:
             CHOLESKY.solution(self.factor, column)
         return columns.T
-
-
-class SuperLU:
-    """The same by SciPy's LU, without pivoting."""
-
-    def __init__(self, indices: Indices, indptr: Indices) -> None:
-        n = len(indptr) - 1
-        number = np.arange(1, len(indices) + 1)
-        given = sp.csc_array((number, indices, indptr), shape=(n, n))
-        given = (given + sp.tril(given, -1).T).tocsc()
-        self.place = given.data - 1
-        self.indices, self.indptr = given.indices.astype(np.int32), given.indptr.astype(np.int32)
-
-    def factorise(self, data: FloatArray) -> Solve:
-        """Solver of the matrix with these entries, in the order of the pattern by columns."""
-        shape = (len(self.indptr) - 1, len(self.indptr) - 1)
-        matrix = sp.csc_array((data[self.place], self.indices, self.indptr), shape=shape)
-        return symmetric_lu(matrix, "NATURAL")
-
-
-BACKENDS: dict[str, type[Supernodal | SuperLU]] = {"supernodal": Supernodal, "superlu": SuperLU}
-"""Factorisations by name, the best first."""
-
-
-def backends() -> tuple[str, ...]:
-    """Those that can be used here."""
-    return tuple(BACKENDS)[CHOLESKY is None :]
 
 
 def elimination_order(graph: sp.csr_array) -> IntArray:

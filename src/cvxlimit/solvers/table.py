@@ -16,8 +16,8 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC, SOLVER_MAP_QP
 from cvxlimit.base.checks import ratio
 from cvxlimit.base.versions import __version__, version_of
 from cvxlimit.errors import ModelError
+from cvxlimit.solvers.extensions import INTERIOR
 from cvxlimit.solvers.own import Blockwise, Rescaled
-from cvxlimit.solvers.sparse import BACKENDS, backends
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,10 @@ SOLVERS: Mapping[str, Solver] = MappingProxyType({row.name: row for row in _ROWS
 """All rows by name, those of the default ladder in its order."""
 
 
+UNBUILT = frozenset({"BLOCKWISE"} if INTERIOR is None else ())
+"""Those that would be here if they had been compiled when the package was installed."""
+
+
 @dataclass(frozen=True)
 class SolverSettings:
     """A solver by CVXPY's name, its options, a label for the history, and its interface, where
@@ -172,7 +176,7 @@ def settings_for(
 
 
 def check_installed(settings: SolverSettings) -> None:
-    """Refuse a solver that CVXPY cannot find, and a factorisation that is not installed."""
+    """Refuse a solver that CVXPY cannot find, and our own where it is not compiled."""
     name, row = settings.name, settings.row
     if row.plug_in is None and name not in installed():
         known = sorted({*SOLVERS, *SOLVER_MAP_CONIC, *SOLVER_MAP_QP})
@@ -182,16 +186,14 @@ def check_installed(settings: SolverSettings) -> None:
         near, here = " or ".join(get_close_matches(name.upper(), known, 3, 0.7)), ", ".join(able())
         hint = f"did you mean {near}?" if near else f"installed are {here}"
         raise ModelError(f"there is no solver {name!r}; {hint}")
-    backend = settings.options.get("backend", "superlu")
-    if name == "BLOCKWISE" and backend not in backends():
-        cure = f"here are {', '.join(backends())}"
-        cure += "" if backend not in BACKENDS else "; it needs a C compiler at installation"
-        raise ModelError(f"BLOCKWISE has no factorisation {backend!r}; {cure}")
+    if name in UNBUILT:
+        raise ModelError(f"solver {name} is not here: it needs a C compiler at installation")
 
 
 def able(with_cones: bool = False) -> list[str]:
     """Solvers that can be put on a ladder here; those that take second-order cones only."""
     names = {name for name, row in SOLVERS.items() if row.plug_in is not None} | installed()
+    names -= UNBUILT
     return sorted(n for n in names if SolverSettings(n).row.has_cones or not with_cones)
 
 

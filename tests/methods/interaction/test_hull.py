@@ -28,7 +28,7 @@ from cvxlimit.readings.states.support import half_extent, whole_boxes
 from cvxlimit.scene import Units
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import settings_for
-from cvxlimit.solvers.interior.iteration import Point
+from cvxlimit.solvers.interior import Point
 from determinate import (
     DETERMINATE,
     MOMENTS,

@@ -32,7 +32,7 @@ from cvxlimit.model.goals import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import Reductions, contacts_of
-from cvxlimit.solvers import LimitState, SolverSettings, clarabel_at, settings_for
+from cvxlimit.solvers import LimitState, SolverSettings, blockwise, clarabel_at
 from cvxlimit.surfaces.base import times
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
@@ -153,7 +153,7 @@ class Pair:
 
 def ladder(tolerance: float) -> Sequence[SolverSettings]:
     """Our own solver, which starts warm, and Clarabel where it fails."""
-    return (settings_for("BLOCKWISE", tolerance), *clarabel_at(tolerance))
+    return (*blockwise(tolerance), *clarabel_at(tolerance))
 
 
 def pressed(state: LimitState) -> FloatArray:

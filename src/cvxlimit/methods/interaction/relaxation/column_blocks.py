@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.model.sinks import Rows
-from cvxlimit.solvers.interior.iteration import Point
+from cvxlimit.solvers.interior import Point
 
 Entry = tuple[IntArray, IntArray, FloatArray]  # rows, columns and values of a sparse matrix
 

@@ -1,37 +1,90 @@
-/* The interior point of iteration.py for small programs, whole: min c'x subject to E x = f, G x + s = h,
- * s in K, whose variables fall into small blocks that no row of G joins. On some hundred copies of
- * contacts NumPy's calls take longer than what they compute.
+/* Infeasible-start interior point for  min c'x  subject to  E x = f,  G x + s = h,  s in K, whose variables
+ * fall into small blocks that no row of G joins: contacts, or copies of them.
  *
- * Every block's variables are eliminated by a Cholesky factor of its own; what is left is a matrix with a
- * row per equation, dense within its envelope: equations are ordered by neighbourhood (E. Cuthill, J.
- * McKee, 1969). A few variables may be in no cone at all, as a load factor is, or in many equations: they
- * border it. Rows of G and columns come block by block. */
+ * Nesterov-Todd scaling; Mehrotra's predictor and corrector; further correctors after J. Gondzio, Multiple
+ * centrality corrections, 1996. After the first full step every iterate satisfies its equations to far less
+ * than its gap and is strictly inside the cones, so that its bounds lose nothing but the gap. Formulas of
+ * cones: L. Vandenberghe, The CVXOPT linear and quadratic cone program solvers, 2010, 2 and 4.
+ *
+ * Every block's variables are eliminated by a factor of its own; what is left is a matrix with a row per
+ * equation, six per masonry block, which sparse.h factorises: in the order given, or by neighbourhood
+ * (E. Cuthill, J. McKee, 1969). A few variables may be in no cone at all, as a load factor is, or in many
+ * equations: they border it. Rows of G and columns come block by block. */
 
-#include "../dense.h"
+#include "sparse.h"
 
-#define BORDER 8   /* most variables in no cone or in more equations than these: */
-#define DENSE 24
-#define PANEL 48   /* columns of the equations' matrix that are eliminated together */
-#define WIDEST 40  /* most of a block, */
-#define LARGEST 8  /* and of a cone */
-#define MOST_EQUATIONS 1500
-#define ROOMS 96
-#define MOST_PATIENCE 16 /* iterations that are remembered */
-#define MOST_KEPT (64 << 20) /* bytes */
+/* ---- the numbers of the method ---- */
 
-/* Those of iteration.py and blocks.py, which are handed over by name: numbers() says which. */
-#define EACH_NUMBER(X) \
-    X(reach) X(correctors) X(widen) X(band) X(gain) X(long_step) X(patience) X(shortest) X(retreat) X(solved) \
-    X(almost) X(late) X(balance) X(no_answer) X(middle) X(floor) X(light) X(ahead) X(thin) X(shift) X(nearest) \
-    X(least_value) X(rounds) X(regularisation)
-#define FIELD(name) double name;
-#define WORD(name) #name " "
+/* What counts as a small block. */
+#define BORDER 20        /* most variables in no cone or in more equations than these: */
+#define DENSE 24         /* a square of so many would fill in what is left */
+#define WIDEST 128       /* most variables of a block */
 
-typedef struct {
-    EACH_NUMBER(FIELD)
-} Numbers;
+/* Steps: the share of the way to the boundary; of Gondzio's correctors so many at most, the longer step
+ * aimed at, the band for the products around the target, the share of the aim that makes another one worth
+ * it, and the step beyond which none is. The target is the share NEAREST of the mean product at least.
+ * Where rounding leaves a point outside, steps are shortened by RETREAT, down to the SHORTEST. */
+#define REACH 0.99
+#define CORRECTORS 2
+#define WIDEN 0.3
+#define BAND 0.03
+#define GAIN 0.1
+#define LONG_STEP 0.9
+#define NEAREST 1e-8
+#define RETREAT 0.8
+#define SHORTEST 1e-6
 
-typedef enum { UNSUITED, IS_SOLVED, IS_ALMOST, STALLED, INFEASIBLE, UNBOUNDED } Status;
+/* The end: the worst gap and residual called solved and almost; where a wide gap is asked for, residuals may
+ * be the share BALANCE of it. Near it, for gaps below LATE, relative to objectives of the LEAST_VALUE or
+ * more, the iteration stops after PATIENCE iterations without a gain of a factor 2. NO_ANSWER is the
+ * residual of a proof that there is no optimum. */
+#define SOLVED 1e-8
+#define ALMOST 1e-4
+#define BALANCE 1e-5
+#define LATE 1e-10
+#define LEAST_VALUE 1e-6
+#define PATIENCE 5
+#define NO_ANSWER 1e-9
+
+/* Starts: the relative gap of the first point from which the next problem may start; a start is moved inside
+ * by that share of its mean entries which it misses of the problem, SHIFT at most; a cold one has
+ * eigenvalues no less than COLD times the mean of the other unknowns of its side. */
+#define MIDDLE 1e-2
+#define SHIFT 0.1
+#define COLD 0.1
+
+/* Directions are refined until what they leave costs the bounds the share LIGHT of the gap that the next
+ * point may have at best, AHEAD of this one's or the one asked for, or is below the target, relative to its
+ * own right-hand side or the share FLOOR of the largest: the TARGET, or WIDER times the gap asked for, the
+ * LOOSEST at most, which gives the same brackets in three fifths of the eliminations; in so many ROUNDS at
+ * most, and until one gains less than the factor SLOW. Plain steps are kept up while they gain the factor
+ * FAST. The best point is chosen at THIN times the costs of equilibrium: they are those of typical loads, and
+ * where corners are about to open 16 to 140 times as much was lost. */
+#define LIGHT 1e-3
+#define AHEAD 0.1
+#define TARGET 1e-6
+#define WIDER 300.0
+#define LOOSEST 1e-3
+#define FLOOR 1e-8
+#define ROUNDS 6
+#define SLOW 0.9
+#define FAST 0.1
+#define THIN 50.0
+
+/* Rounding: what is added to diagonals, relatively. Blocks whose squares have a pivot below HARD, or less
+ * where the target is wider, are eliminated by reflections, none of whose pivots is below the share SOFTEST
+ * of its column: softer ones cost equilibrium more than they bring the flow rule. Refinement takes these
+ * effects out again. */
+#define MORE 1e-14
+#define HARD 1e-6
+#define SOFTEST 1e-9
+
+/* Memory. */
+#define SAID 160         /* letters of a refusal */
+#define ROOMS 160
+#define MOST_KEPT (64 << 20) /* bytes that one run leaves to the next */
+
+typedef enum { UNSUITED, WAS_SOLVED, WAS_ALMOST, STALLED, INFEASIBLE, UNBOUNDED } Status;
 
 typedef struct {
     Py_ssize_t from, to;           /* columns, */
@@ -41,30 +94,36 @@ typedef struct {
     double *root, *product;        /* L and L' (c, c) of the block's G' W^-2 G, with 1 / L_ii between, and L^-1 E' (c, wide) */
     Py_ssize_t wide;               /* e, rounded up to whole lanes */
     int opens, closes;             /* the first and the last of several blocks with the same equations */
+    Py_ssize_t *slot;              /* where the last one's products go: of pairs (0, 0), (1, 0) ... (1, 1) ... */
+    Py_ssize_t *order;             /* of columns, where reflections have chosen another */
 } Block;
 
 typedef struct {
-    Numbers by;
     Py_ssize_t n, p, m, lines, cones, bound, degree; /* ``bound`` columns are in blocks, others the border */
     Py_ssize_t blocks;
     int are_triples;               /* all cones have three rows */
     Block *block;
     Py_ssize_t *column, *row;      /* where columns and rows of G were in the program given, */
-    Py_ssize_t *equation, *reach;  /* where equations were; the last one that each one's column reaches */
-    Py_ssize_t outer[BORDER][2];   /* linear rows of columns of the border: the first, how many */
+    Py_ssize_t *equation;          /* where equations were */
+    Factor *factor;                /* of what is left of them, */
+    Py_ssize_t *diagonal, *slots;  /* its diagonal's places, and those of blocks */
+    Py_ssize_t outer[BORDER][2];  /* linear rows of columns of the border: the first, how many */
     Py_ssize_t *start, *index;     /* G by rows */
     double *value;
     Py_ssize_t *estart, *eindex, *elocal; /* E by columns, and where in the block's equations an entry is */
     double *evalue, *square;
     Py_ssize_t *touched, *place;   /* equations of blocks; where cones start among the rows */
     double *c, *f, *h;
-    double *schur, *border, *corner, *room;
+    Py_ssize_t *orders;
+    double target, hard;           /* of refinement; pivots below it are left to reflections */
+    double *border, *corner, *part; /* part is a block's scaled rows */
     double *line, *inverse, *w, *sizes, *lam; /* scaling: of linear rows W and W^-1, frames and sizes of cones */
     double *reciprocal;            /* 1 / lam; of cones over the root of its determinant, and what steps divide by */
     double *half;
     double unit, loads;
     char *store;                   /* where rooms are, as far as it suffices: its size, how much is used, */
     size_t stored, used, wanted;   /* and how much would be */
+    char said[SAID];               /* why a program does not suit */
     void *memory[ROOMS];           /* the other rooms */
     int rooms;
 } Program;
@@ -78,6 +137,11 @@ typedef struct {
 } Measure;
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
+
+INLINE void swap(double *a, double *b) {
+    double kept = *a;
+    *a = *b, *b = kept;
+}
 
 INLINE double smaller(double a, double b) { return a < b ? a : b; }
 
@@ -281,12 +345,78 @@ INLINE void squared(const Block *b, const Py_ssize_t quads, double *P, double *s
     }
 }
 
+/* rows (d, c) := W^-1 G of one cone. */
+INLINE void scaled_rows(const Program *g, const Block *b, Py_ssize_t number, double *rows) {
+    Py_ssize_t c = b->to - b->from, from = g->place[number], d = g->place[number + 1] - from;
+    const double *w = g->w + from;
+    double scale = 1.0 / g->sizes[number], cross[WIDEST];
+    memset(cross, 0, sizeof(double) * c);
+    for (Py_ssize_t i = 0; i < d; i++) {
+        double *own = rows + i * c;
+        memset(own, 0, sizeof(double) * c);
+        for (Py_ssize_t k = g->start[from + i]; k < g->start[from + i + 1]; k++)
+            own[g->index[k] - b->from] += g->value[k];
+        if (i) for (Py_ssize_t j = 0; j < c; j++) cross[j] += w[i] * own[j];
+    }
+    for (Py_ssize_t i = d - 1; i >= 0; i--) {
+        double *own = rows + i * c;
+        for (Py_ssize_t j = 0; j < c; j++)
+            own[j] = scale * (i ? own[j] + (cross[j] / (1.0 + w[0]) - rows[j]) * w[i] : w[0] * own[j] - cross[j]);
+    }
+}
+
+/* L by Householder reflections of the scaled rows themselves, whose squares rounding would not tell apart
+ * once it spoils the openings. The largest column and row that are left come first: rows differ by all
+ * that lies between open and pressed corners (A. J. Cox, N. J. Higham, Stability of Householder QR
+ * factorization for weighted least squares problems, 1998). */
+static void reflected(const Program *g, Block *b) {
+    Py_ssize_t c = b->to - b->from, r = b->lines, *order = b->order = g->orders + b->from;
+    double *left = g->part, *L = b->root, least[WIDEST];
+    memset(left, 0, sizeof(double) * r * c);
+    for (Py_ssize_t i = 0; i < r; i++)
+        for (Py_ssize_t k = g->start[b->line + i]; k < g->start[b->line + i + 1]; k++)
+            left[i * c + g->index[k] - b->from] += g->value[k] * g->inverse[b->line + i];
+    for (Py_ssize_t number = b->cone; number < b->cone + b->cones; number++) {
+        scaled_rows(g, b, number, left + r * c);
+        r += g->place[number + 1] - g->place[number];
+    }
+    for (Py_ssize_t j = 0; j < c; j++) {
+        double sum = 0.0;
+        for (Py_ssize_t m = 0; m < r; m++) sum += left[m * c + j] * left[m * c + j];
+        least[j] = SOFTEST * sqrt(sum), order[j] = j;
+    }
+    for (Py_ssize_t i = 0; i < c; i++) {
+        Py_ssize_t column = i, row = i, other = order[i];
+        double most = -1.0, pivot = 0.0;
+        for (Py_ssize_t j = i; j < c; j++) {
+            double sum = 0.0;
+            for (Py_ssize_t m = i; m < r; m++) sum += left[m * c + j] * left[m * c + j];
+            if (sum > most) most = sum, column = j;
+        }
+        order[i] = order[column], order[column] = other;
+        for (Py_ssize_t m = 0; m < r; m++) swap(left + m * c + i, left + m * c + column);
+        for (Py_ssize_t m = i; m < r; m++)
+            if (fabs(left[m * c + i]) > fabs(left[row * c + i])) row = m;
+        for (Py_ssize_t j = 0; j < c; j++) swap(left + i * c + j, left + row * c + j);
+        for (Py_ssize_t m = i; m < r; m++) pivot += left[m * c + i] * left[m * c + i];
+        pivot = -copysign(larger(sqrt(pivot), least[order[i]]), left[i * c + i]);
+        left[i * c + i] -= pivot;
+        for (Py_ssize_t j = i + 1; j < c; j++) {
+            double share = 0.0;
+            for (Py_ssize_t m = i; m < r; m++) share += left[m * c + i] * left[m * c + j];
+            share /= pivot * left[i * c + i];
+            for (Py_ssize_t m = i; m < r; m++) left[m * c + j] += share * left[m * c + i];
+        }
+        L[i * c + i] = 1.0 / pivot;
+        for (Py_ssize_t j = 0; j < i; j++) L[i * c + j] = L[j * c + i] = left[j * c + i];
+    }
+}
+
 /* L of the block's G' W^-2 G, and L^-1 E', whose square is added to the Schur complement. */
-WIDE static int eliminated_block(const Program *g, const Block *b) {
+WIDE static void eliminated_block(const Program *g, Block *b) {
     Py_ssize_t c = b->to - b->from, e = b->equations;
-    double H[WIDEST * WIDEST], rows[LARGEST][WIDEST], diagonal[WIDEST], reciprocal[WIDEST];
-    double *L = b->root, *P = b->product;
-    const Py_ssize_t *at = g->touched + b->equation;
+    double H[WIDEST * WIDEST], diagonal[WIDEST], reciprocal[WIDEST];
+    double *L = b->root, *P = b->product, *rows = g->part;
     memset(H, 0, sizeof(double) * c * c);
     for (Py_ssize_t i = b->line; i < b->line + b->lines; i++) {
         double weight = g->inverse[i] * g->inverse[i];
@@ -296,111 +426,63 @@ WIDE static int eliminated_block(const Program *g, const Block *b) {
         }
     }
     for (Py_ssize_t number = b->cone; number < b->cone + b->cones; number++) {
-        Py_ssize_t from = g->place[number], d = g->place[number + 1] - from;
-        const double *w = g->w + from;
-        double scale = 1.0 / g->sizes[number], cross[WIDEST];
-        memset(cross, 0, sizeof(double) * c);
-        for (Py_ssize_t i = 0; i < d; i++) {
-            double *own = rows[i];
-            memset(own, 0, sizeof(double) * c);
-            for (Py_ssize_t k = g->start[from + i]; k < g->start[from + i + 1]; k++)
-                own[g->index[k] - b->from] += g->value[k];
-            if (i) for (Py_ssize_t j = 0; j < c; j++) cross[j] += w[i] * own[j];
-        }
-        for (Py_ssize_t i = d - 1; i >= 0; i--) {
-            double *own = rows[i];
-            for (Py_ssize_t j = 0; j < c; j++)
-                own[j] = scale * (i ? own[j] + (cross[j] / (1.0 + w[0]) - rows[0][j]) * w[i] : w[0] * own[j] - cross[j]);
-        }
-        for (Py_ssize_t i = 0; i < d; i++)
+        scaled_rows(g, b, number, rows);
+        for (Py_ssize_t i = 0; i < g->place[number + 1] - g->place[number]; i++)
             for (Py_ssize_t j = 0; j < c; j++) {
-                double own = rows[i][j], *to = H + j * c;
+                double own = rows[i * c + j], *to = H + j * c;
                 if (own != 0.0)
-                    for (Py_ssize_t l = j; l < c; l++) to[l] += own * rows[i][l];
+                    for (Py_ssize_t l = j; l < c; l++) to[l] += own * rows[i * c + l];
             }
     }
-    double largest = 0.0;
-    for (Py_ssize_t i = 0; i < c; i++) largest = larger(largest, diagonal[i] = H[i * c + i]);
-    for (Py_ssize_t j = 0; j < c; j++) {
-        double *own = H + j * c, pivot = own[j], given = diagonal[j];
-        if (!(pivot > -1e-3 * largest)) return 0; /* NaN, too */
-        double inverse = reciprocal[j] = 1.0 / larger(pivot, g->by.regularisation * larger(given, g->by.regularisation * largest));
+    int is_hard = 0;
+    for (Py_ssize_t i = 0; i < c; i++) diagonal[i] = H[i * c + i];
+    for (Py_ssize_t j = 0; j < c && !is_hard; j++) {
+        double *own = H + j * c, pivot = own[j], inverse = reciprocal[j] = 1.0 / pivot;
+        is_hard = !(pivot > g->hard * diagonal[j]); /* NaN, too */
         for (Py_ssize_t i = j + 1; i < c; i++) {
             double share = own[i] * inverse, *to = H + i * c;
             for (Py_ssize_t l = i; l < c; l++) to[l] -= share * own[l];
         }
     }
-    for (Py_ssize_t j = 0; j < c; j++) { /* roots at the end: there they need not wait for one another */
+    b->order = NULL;
+    if (is_hard) reflected(g, b);
+    else for (Py_ssize_t j = 0; j < c; j++) { /* roots at the end: there they need not wait for one another */
         double root = L[j * c + j] = sqrt(reciprocal[j]);
         for (Py_ssize_t l = j + 1; l < c; l++) L[l * c + j] = L[j * c + l] = H[j * c + l] * root;
     }
     memset(P, 0, sizeof(double) * c * b->wide);
-    for (Py_ssize_t j = 0; j < c; j++)
-        for (Py_ssize_t k = g->estart[b->from + j]; k < g->estart[b->from + j + 1]; k++)
+    for (Py_ssize_t j = 0; j < c; j++) {
+        Py_ssize_t from = b->from + (b->order ? b->order[j] : j);
+        for (Py_ssize_t k = g->estart[from]; k < g->estart[from + 1]; k++)
             P[j * b->wide + g->elocal[k]] += g->evalue[k];
+    }
     switch (b->wide / LANES) { /* compilers unroll what has a known length */
         case 1: squared(b, 1, P, g->square); break;
         case 2: squared(b, 2, P, g->square); break;
         case 3: squared(b, 3, P, g->square); break;
         default: squared(b, b->wide / LANES, P, g->square);
     }
+    const Py_ssize_t *slot = b->slot;
     if (b->closes)
         for (Py_ssize_t k = 0; k < e; k++)
-            for (Py_ssize_t l = k; l < e; l++) g->schur[at[k] * g->p + at[l]] += g->square[k * b->wide + l];
-    return 1;
-}
-
-WIDE static void forward(const Program *g, double *x) {
-    for (Py_ssize_t j = 0; j < g->p; j++) {
-        const double *own = g->schur + j * g->p;
-        double value = x[j] /= own[j];
-        for (Py_ssize_t i = j + 1; i <= g->reach[j]; i++) x[i] -= own[i] * value;
-    }
-}
-
-WIDE static void backward(const Program *g, double *x) {
-    for (Py_ssize_t j = g->p - 1; j >= 0; j--) {
-        const double *own = g->schur + j * g->p;
-        double sums[4] = {0.0, 0.0, 0.0, 0.0};
-        Py_ssize_t i = j + 1, end = g->reach[j] + 1;
-        for (; i + 4 <= end; i += 4)
-            for (int t = 0; t < 4; t++) sums[t] += own[i + t] * x[i + t];
-        for (; i < end; i++) sums[0] += own[i] * x[i];
-        x[j] = (x[j] - (sums[0] + sums[1] + sums[2] + sums[3])) / own[j];
-    }
-}
-
-/* The Cholesky factor of the equations' matrix in place, which is zero beyond the reach of columns. */
-static int eliminated_equations(const Program *g) {
-    Py_ssize_t p = g->p;
-    for (Py_ssize_t at = 0, first = 0; at < p; at += PANEL) {
-        Py_ssize_t end = at + PANEL < p ? at + PANEL : p, below = g->reach[end - 1] + 1 - at;
-        double *own = g->schur + at + at * p, *before = g->schur + at;
-        while (first < at && g->reach[first] < at) first++;
-        if (first < at)
-            multiplied(below, end - at, at - first, before + first * p, p, before + first * p, p, own, p, SUBTRACT,
-                       g->room);
-        if (!eliminated(below, end - at, own, p, g->room)) return 0;
-    }
-    return 1;
+            for (Py_ssize_t l = k; l < e; l++) g->factor->values[*slot++] += g->square[k * b->wide + l];
 }
 
 static int factorised(const Program *g) {
     Py_ssize_t p = g->p;
-    for (Py_ssize_t j = 0; j < p; j++) memset(g->schur + j * p + j, 0, sizeof(double) * (g->reach[j] + 1 - j));
-    for (Py_ssize_t i = 0; i < g->blocks; i++)
-        if (!eliminated_block(g, g->block + i)) return 0;
+    emptied(g->factor);
+    for (Py_ssize_t i = 0; i < g->blocks; i++) eliminated_block(g, g->block + i);
     for (Py_ssize_t i = 0; i < p; i++) {
-        double own = g->schur[i * p + i] * (1.0 + g->by.regularisation);
-        g->schur[i * p + i] = own > 0.0 ? own : 1.0;
+        double *own = g->factor->values + g->diagonal[i];
+        *own = *own > 0.0 ? *own * (1.0 + MORE) : 1.0;
     }
-    if (!eliminated_equations(g)) return 0;
+    if (!numeric(g->factor)) return 0;
     for (Py_ssize_t i = 0; i < g->n - g->bound; i++) { /* half of what the border becomes: its square is the corner */
         double *own = g->border + i * p;
         Py_ssize_t j = g->bound + i;
         memset(own, 0, sizeof(double) * p);
         for (Py_ssize_t l = g->estart[j]; l < g->estart[j + 1]; l++) own[g->eindex[l]] = g->evalue[l];
-        forward(g, own);
+        forward(g->factor, own);
         for (Py_ssize_t l = 0; l <= i; l++) {
             double sum = long_dot(own, g->border + l * p, p), *L = g->corner + i * BORDER;
             for (Py_ssize_t r = g->outer[i][0]; l == i && r < g->outer[i][0] + g->outer[i][1]; r++) {
@@ -427,7 +509,9 @@ WIDE static void halved(const Program *g, const double *rx, const double *ry, do
         const Py_ssize_t *at = g->touched + b->equation;
         double *own = t + b->from, *sum = g->square;
         if (b->opens) memset(sum, 0, sizeof(double) * b->wide);
-        memcpy(own, rx + b->from, sizeof(double) * c);
+        if (b->order)
+            for (Py_ssize_t j = 0; j < c; j++) own[j] = rx[b->from + b->order[j]];
+        else memcpy(own, rx + b->from, sizeof(double) * c);
         for (Py_ssize_t j = 0; j < c; j++) {
             const double *after = b->root + j * c;
             double value = own[j] *= after[j];
@@ -439,7 +523,7 @@ WIDE static void halved(const Program *g, const double *rx, const double *ry, do
         if (b->closes)
             for (Py_ssize_t k = 0; k < e; k++) y[at[k]] += sum[k];
     }
-    forward(g, y);
+    forward(g->factor, y);
     for (Py_ssize_t i = 0; i < g->n - g->bound; i++) {
         double sum = rx[g->bound + i] - long_dot(g->border + i * p, y, p);
         for (Py_ssize_t l = 0; l < i; l++) sum -= g->corner[i * BORDER + l] * share[l];
@@ -452,7 +536,7 @@ WIDE static void halved(const Program *g, const double *rx, const double *ry, do
         for (Py_ssize_t k = 0; k < p; k++) y[k] += share[i] * own[k];
         x[g->bound + i] = share[i];
     }
-    backward(g, y);
+    backward(g->factor, y);
     for (Py_ssize_t i = 0; i < g->blocks; i++) {
         const Block *b = g->block + i;
         Py_ssize_t c = b->to - b->from, e = b->equations;
@@ -470,7 +554,7 @@ WIDE static void halved(const Program *g, const double *rx, const double *ry, do
         }
         for (Py_ssize_t j = c - 1; j >= 0; j--) {
             const double *before = b->root + j * c;
-            double value = to[j] = own[j] * before[j];
+            double value = to[b->order ? b->order[j] : j] = own[j] * before[j];
             for (Py_ssize_t l = 0; l < j; l++) own[l] -= before[l] * value;
         }
     }
@@ -486,6 +570,7 @@ typedef struct {
 /* Room for the iteration, all of it in one piece. */
 typedef struct {
     double *rx, *ry, *rz, *rhs, *over, *aim, *a, *b, *v; /* over is W^-1 rz */
+    double *left, *next, *changes; /* of refinement */
     Direction found, tried;
 } Work;
 
@@ -502,23 +587,25 @@ static Measure measured(const Program *g, const Point *at, Work *w, double toler
         w->a[i] = g->h[i] - w->a[i];
         w->rz[i] = w->a[i] - at->s[i];
     }
-    double both = long_dot(at->s, at->z, g->m), primal = long_dot(g->c, at->x, g->n), size = larger(fabs(primal), g->by.least_value);
+    double both = long_dot(at->s, at->z, g->m), primal = long_dot(g->c, at->x, g->n), size = larger(fabs(primal), LEAST_VALUE);
     double in_x = most_of(w->rx, g->n), in_y = most_of(w->ry, g->p), in_z = most_of(w->rz, g->m);
     double missing = in_x / larger(1.0, larger(most_of(at->z, g->m), most_of(at->y, g->p)));
     r.dual = -long_dot(g->f, at->y, g->p) - long_dot(g->h, at->z, g->m);
     r.gap = both / size;
     r.mu = both / g->degree;
     r.infeasibility = larger(larger(in_y, in_z) / larger(1.0, most_of(at->x, g->n)), missing);
-    /* what the certificate may lose: iteration.py says why */
+    /* What the certificate may lose: above, it has to open contacts where rates break the flow rule, and loads do
+     * work on that; below, forces have to be put into equilibrium again. */
     double cost = g->loads / size, outside = -margin(g, w->a);
-    r.score = r.gap + larger(missing, in_x * cost) + g->by.thin * (in_y + larger(outside, 0.0)) / g->unit;
-    double share = g->by.light * larger(g->by.ahead * smaller(r.gap, 1.0), tolerance);
+    r.score = r.gap + larger(missing, in_x * cost) + THIN * (in_y + larger(outside, 0.0)) / g->unit;
+    double share = LIGHT * larger(AHEAD * smaller(r.gap, 1.0), tolerance);
     r.allowed_x = share / cost, r.allowed_y = share * g->unit;
     return r;
 }
 
-static int is_within(const Program *g, const Measure *r, double tolerance) {
-    return r->gap < tolerance && r->infeasibility < larger(g->by.solved, g->by.balance * tolerance);
+static int is_within(const Program *g, const Measure *r, double tolerance, double residual) {
+    double enough = residual > 0.0 ? residual : larger(SOLVED, BALANCE * tolerance);
+    return r->gap < tolerance && r->infeasibility < enough;
 }
 
 /* A proof that there is no optimum; ``at`` becomes it. */
@@ -526,7 +613,7 @@ static Status no_answer(const Program *g, Point *at, const Measure *r, const Wor
     if (r->dual > 0.0) {
         double most = 0.0;
         for (Py_ssize_t j = 0; j < g->n; j++) most = larger(most, fabs(w->rx[j] + g->c[j]));
-        if (most < g->by.no_answer * r->dual) {
+        if (most < NO_ANSWER * r->dual) {
             for (Py_ssize_t i = 0; i < g->p; i++) at->y[i] /= r->dual;
             for (Py_ssize_t i = 0; i < g->m; i++) at->z[i] /= r->dual;
             return INFEASIBLE;
@@ -536,14 +623,18 @@ static Status no_answer(const Program *g, Point *at, const Measure *r, const Wor
     if (primal < 0.0) {
         for (Py_ssize_t i = 0; i < g->p; i++) most = larger(most, fabs(g->f[i] - w->ry[i]));
         for (Py_ssize_t i = 0; i < g->m; i++) most = larger(most, fabs(g->h[i] - w->rz[i]));
-        if (most < -g->by.no_answer * primal) return UNBOUNDED;
+        if (most < -NO_ANSWER * primal) {
+            for (Py_ssize_t j = 0; j < g->n; j++) at->x[j] /= -primal;
+            for (Py_ssize_t i = 0; i < g->m; i++) at->s[i] /= -primal;
+            return UNBOUNDED;
+        }
     }
     return UNSUITED;
 }
 
 static void lengths(const Program *g, Direction *d) {
-    d->primal = smaller(1.0, g->by.reach * step(g, d->ds));
-    d->dual = smaller(1.0, g->by.reach * step(g, d->dz));
+    d->primal = smaller(1.0, REACH * step(g, d->ds));
+    d->dual = smaller(1.0, REACH * step(g, d->dz));
 }
 
 static void directed(const Program *g, Work *w, Direction *d) { /* towards w->aim */
@@ -562,6 +653,11 @@ static void directed(const Program *g, Work *w, Direction *d) { /* towards w->ai
     lengths(g, d);
 }
 
+static void exchanged(Work *w) {
+    Direction other = w->found;
+    w->found = w->tried, w->tried = other;
+}
+
 static double shorter(const Direction *d) { return smaller(d->primal, d->dual); }
 
 /* The predictor and its correctors; the best is w->found. */
@@ -574,56 +670,114 @@ static void aimed(const Program *g, Work *w, const Measure *r) {
     double ahead = 0.0;
     for (Py_ssize_t i = 0; i < g->m; i++)
         ahead += (g->lam[i] + d->primal * d->ds[i]) * (g->lam[i] + d->dual * d->dz[i]);
-    double share = clip(ahead / g->degree / r->mu, 0.0, 1.0), goal = larger(share * share * share, g->by.nearest) * r->mu;
+    double share = clip(ahead / g->degree / r->mu, 0.0, 1.0), goal = larger(share * share * share, NEAREST) * r->mu;
     product(g, d->ds, d->dz, w->a);
     for (Py_ssize_t i = 0; i < g->m; i++) w->aim[i] = -w->v[i] - w->a[i];
     for (Py_ssize_t i = 0; i < g->lines; i++) w->aim[i] += goal;
     for (Py_ssize_t k = 0; k < g->cones; k++) w->aim[g->place[k]] += goal;
     directed(g, w, d);
-    for (int i = 0; i < (int)g->by.correctors && shorter(d) <= g->by.long_step; i++) {
-        double before = shorter(d), wider = smaller(1.0, before + g->by.widen);
+    for (int i = 0; i < CORRECTORS && shorter(d) <= LONG_STEP; i++) {
+        double before = shorter(d), wider = smaller(1.0, before + WIDEN);
         for (Py_ssize_t j = 0; j < g->m; j++) {
             w->a[j] = g->lam[j] + wider * d->ds[j];
             w->b[j] = g->lam[j] + wider * d->dz[j];
         }
         product(g, w->a, w->b, w->v);
-        towards(g, w->v, g->by.band * goal, goal / g->by.band, w->aim);
+        towards(g, w->v, BAND * goal, goal / BAND, w->aim);
         directed(g, w, &w->tried);
         double now = shorter(&w->tried);
-        if (now > before) {
-            Direction other = w->found;
-            w->found = w->tried, w->tried = other;
-        }
-        if (!(now >= before + g->by.gain * g->by.widen)) break;
+        if (now > before) exchanged(w);
+        if (!(now >= before + GAIN * WIDEN)) break;
     }
 }
 
-/* The change that w->found stands for, refined until what it leaves does no harm. */
-static void refined(const Program *g, Work *w, const Measure *r, Point *change) {
-    Direction *d = &w->found;
-    double before = INFINITY;
-    for (int round = 0;; round++) {
-        times(g, d->dz, -1.0, change->z);
-        memcpy(w->rhs, w->rx, sizeof(double) * g->n);
-        for (Py_ssize_t i = 0; i < g->m; i++) w->a[i] = -change->z[i];
-        add_by_columns(g, w->a, w->rhs);
-        for (Py_ssize_t i = 0; i < g->p; i++) w->b[i] = -d->y[i];
-        add_equations(g, w->b, w->rhs);
-        equations_of(g, d->x, w->v);
-        for (Py_ssize_t i = 0; i < g->p; i++) w->v[i] = w->ry[i] - w->v[i];
-        double error = larger(most_of(w->rhs, g->n) / r->allowed_x, most_of(w->v, g->p) / r->allowed_y);
-        if (round == (int)g->by.rounds || !(error > 1.0) || !(error < 0.5 * before)) break;
-        before = error;
-        halved(g, w->rhs, w->v, w->tried.x, w->tried.y);
-        by_rows(g, w->tried.x, w->a);
-        times(g, w->a, -1.0, w->b);
-        for (Py_ssize_t j = 0; j < g->n; j++) d->x[j] += w->tried.x[j];
-        for (Py_ssize_t i = 0; i < g->p; i++) d->y[i] += w->tried.y[i];
-        for (Py_ssize_t i = 0; i < g->m; i++) d->dz[i] += w->b[i], d->ds[i] -= w->b[i];
+/* The direction further along changes of x and y: what is left of the cones' equations is nothing. */
+static void stepped(const Program *g, Work *w, const Direction *from, double share, const double *change,
+                    Direction *to) {
+    for (Py_ssize_t j = 0; j < g->n; j++) to->x[j] = from->x[j] + share * change[j];
+    for (Py_ssize_t i = 0; i < g->p; i++) to->y[i] = from->y[i] + share * change[g->n + i];
+    if (to != from) memcpy(to->own, from->own, sizeof(double) * g->m);
+    by_rows(g, to->x, w->a);
+    times(g, w->a, -1.0, w->b);
+    for (Py_ssize_t i = 0; i < g->m; i++) {
+        to->ds[i] = w->over[i] - w->b[i];
+        to->dz[i] = to->own[i] - to->ds[i];
     }
+}
+
+/* What a direction leaves of the rates and of equilibrium, over their units; returns the largest. */
+static double left_over(const Program *g, Work *w, const Direction *d, const double *unit, double *left) {
+    double *rates = left, *forces = left + g->n;
+    times(g, d->dz, -1.0, w->a);
+    for (Py_ssize_t i = 0; i < g->m; i++) w->a[i] = -w->a[i];
+    for (Py_ssize_t i = 0; i < g->p; i++) w->b[i] = -d->y[i];
+    memcpy(rates, w->rx, sizeof(double) * g->n);
+    add_by_columns(g, w->a, rates);
+    add_equations(g, w->b, rates);
+    equations_of(g, d->x, forces);
+    for (Py_ssize_t j = 0; j < g->n; j++) rates[j] /= unit[0];
+    for (Py_ssize_t i = 0; i < g->p; i++) forces[i] = (w->ry[i] - forces[i]) / unit[1];
+    return most_of(left, g->n + g->p);
+}
+
+/* What elimination alone makes of them. */
+static void eliminated_from(const Program *g, Work *w, const double *unit, const double *left, double *change) {
+    for (Py_ssize_t j = 0; j < g->n; j++) w->rhs[j] = unit[0] * left[j];
+    for (Py_ssize_t i = 0; i < g->p; i++) w->v[i] = unit[1] * left[g->n + i];
+    halved(g, w->rhs, w->v, change, change + g->n);
+}
+
+/* The change that w->found stands for, improved by generalised conjugate residuals (S. C. Eisenstat, H. C.
+ * Elman, M. H. Schultz, 1983) until what it leaves does no harm: rounding makes elimination wrong in a few
+ * directions, which iterative refinement takes out slowly. */
+static void refined(const Program *g, Work *w, const Measure *r, Point *change) {
+    const Py_ssize_t size = g->n + g->p;
+    double slack = 0.0, *left = w->left, *next = w->next;
+    times(g, w->found.own, 1.0, w->a);
+    for (Py_ssize_t i = 0; i < g->m; i++) slack = larger(slack, fabs(w->rz[i] - w->a[i]));
+    double in_x = most_of(w->rx, g->n), in_y = most_of(w->ry, g->p), most = larger(larger(in_x, in_y), slack);
+    double floor = FLOOR * (most > 0.0 ? most : 1.0);
+    double unit[2] = {larger(g->target * larger(in_x, floor), r->allowed_x),
+                      larger(g->target * larger(in_y, floor), r->allowed_y)};
+    double error = left_over(g, w, &w->found, unit, left);
+    int kept = 0;
+    for (int round = 0; round < ROUNDS && error > 1.0; round++) {
+        double *own = w->changes + 2 * kept * size, *effect = own + size;
+        eliminated_from(g, w, unit, left, own);
+        stepped(g, w, &w->found, 1.0, own, &w->tried);
+        double now = left_over(g, w, &w->tried, unit, next);
+        if (now < FAST * error) {
+            exchanged(w), error = now;
+            memcpy(left, next, sizeof(double) * size);
+            continue;
+        }
+        for (Py_ssize_t i = 0; i < size; i++) effect[i] = left[i] - next[i];
+        for (int k = 0; k < kept; k++) {
+            const double *other = w->changes + 2 * k * size;
+            double share = long_dot(effect, other + size, size);
+            for (Py_ssize_t i = 0; i < 2 * size; i++) own[i] -= share * other[i];
+        }
+        double length = sqrt(long_dot(effect, effect, size));
+        if (!(length > 0.0 && length < INFINITY)) break;
+        for (Py_ssize_t i = 0; i < 2 * size; i++) own[i] /= length;
+        double step = long_dot(effect, left, size);
+        for (Py_ssize_t i = 0; i < size; i++) next[i] = left[i] - step * effect[i];
+        now = most_of(next, size);
+        if (!(now < SLOW * error)) break;
+        stepped(g, w, &w->found, step, own, &w->found);
+        memcpy(left, next, sizeof(double) * size);
+        error = now, kept++;
+    }
+    if (kept) { /* only whole steps satisfy the equations to rounding */
+        eliminated_from(g, w, unit, left, next);
+        stepped(g, w, &w->found, 1.0, next, &w->tried);
+        if (left_over(g, w, &w->tried, unit, left) < error) exchanged(w);
+    }
+    Direction *d = &w->found;
     lengths(g, d);
     memcpy(change->x, d->x, sizeof(double) * g->n);
     memcpy(change->y, d->y, sizeof(double) * g->p);
+    times(g, d->dz, -1.0, change->z);
     times(g, d->ds, 1.0, change->s);
 }
 
@@ -635,7 +789,7 @@ static void copied(const Program *g, const Point *from, Point *to) {
 /* The point further along the change, strictly inside; 0 where rounding ends the iteration. */
 static int moved(const Program *g, const Work *w, Point *at, const Point *change, Point *to) {
     double primal = w->found.primal, dual = w->found.dual;
-    while (larger(primal, dual) > g->by.shortest) {
+    while (larger(primal, dual) > SHORTEST) {
         for (Py_ssize_t i = 0; i < g->m; i++) {
             to->z[i] = at->z[i] + dual * change->z[i];
             to->s[i] = at->s[i] + primal * change->s[i];
@@ -647,7 +801,7 @@ static int moved(const Program *g, const Work *w, Point *at, const Point *change
             *at = *to, *to = other;
             return 1;
         }
-        primal *= g->by.retreat, dual *= g->by.retreat;
+        primal *= RETREAT, dual *= RETREAT;
     }
     return 0;
 }
@@ -659,7 +813,7 @@ static double mean_size(const double *v, Py_ssize_t n) {
 }
 
 static void moved_inside(const Program *g, double *v, const double *beside, Py_ssize_t count) {
-    double least = margin(g, v), size = larger(mean_size(v, g->m), g->by.floor * mean_size(beside, count));
+    double least = margin(g, v), size = larger(mean_size(v, g->m), COLD * mean_size(beside, count));
     if (!(size > 0.0)) size = 1.0;
     if (least > size) return;
     double more = larger(-2.0 * least, size);
@@ -686,62 +840,110 @@ static int cold(const Program *g, const Work *w, Point *at) {
     return 1;
 }
 
-/* A point given, moved inside the cones; 0 if it is none. */
-static int warm(const Program *g, Point *at) {
+/* Between a point in the program's order, x, y, z and s in one array, and the blocks' order. */
+static void taken(const Program *g, const double *given, Point *at) {
+    const double *y = given + g->n, *z = y + g->p, *s = z + g->m;
+    for (Py_ssize_t j = 0; j < g->n; j++) at->x[j] = given[g->column[j]];
+    for (Py_ssize_t i = 0; i < g->p; i++) at->y[i] = y[g->equation[i]];
+    for (Py_ssize_t i = 0; i < g->m; i++) at->z[i] = z[g->row[i]], at->s[i] = s[g->row[i]];
+}
+
+static void handed(const Program *g, const Point *at, double *to) {
+    double *y = to + g->n, *z = y + g->p, *s = z + g->m;
+    for (Py_ssize_t j = 0; j < g->n; j++) to[g->column[j]] = at->x[j];
+    for (Py_ssize_t i = 0; i < g->p; i++) y[g->equation[i]] = at->y[i];
+    for (Py_ssize_t i = 0; i < g->m; i++) z[g->row[i]] = at->z[i], s[g->row[i]] = at->s[i];
+}
+
+static double total(const double *v, Py_ssize_t n) { return n * mean_size(v, n); }
+
+/* Residuals over what stands in their rows: rates by multipliers, loads, and slacks. */
+static double missed(const Program *g, const Point *at, const Work *w) {
+    double in_x = total(w->rx, g->n) / total(at->z, g->m), in_y = total(w->ry, g->p) / total(g->f, g->p);
+    double in_z = total(w->rz, g->m) / total(at->s, g->m), most = 0.0;
+    return larger(larger(larger(most, in_x), isfinite(in_y) ? in_y : 0.0), in_z);
+}
+
+/* The first of so many points given that misses no more of this problem than its gap, for the way from
+ * others goes along the boundary, or the one that misses least for its gap; moved inside the cones. 0 if
+ * none is of use. */
+static int warm(const Program *g, const double *starts, Py_ssize_t count, Work *w, Point *at, Point *spare) {
+    double least = INFINITY, share = 0.0;
+    for (Py_ssize_t k = 0; k < count && least > 1.0; k++, starts += g->n + g->p + 2 * g->m) {
+        if (!is_finite(starts, g->n + g->p + 2 * g->m)) continue;
+        taken(g, starts, spare);
+        Measure r = measured(g, spare, w, 1.0);
+        double own = missed(g, spare, w);
+        if (!(own < least * r.gap)) continue;
+        Point other = *at;
+        *at = *spare, *spare = other;
+        least = own / r.gap, share = smaller(SHIFT, own);
+    }
     double *sides[] = {at->z, at->s};
     for (int i = 0; i < 2; i++) {
-        double more = g->by.shift * mean_size(sides[i], g->m);
+        double more = share * mean_size(sides[i], g->m);
         for (Py_ssize_t j = 0; j < g->lines; j++) sides[i][j] += more;
         for (Py_ssize_t k = 0; k < g->cones; k++) sides[i][g->place[k]] += more;
         if (!(margin(g, sides[i]) > 0.0)) return 0;
     }
-    return is_finite(at->x, g->n) && is_finite(at->y, g->p) && is_finite(at->z, g->m) && is_finite(at->s, g->m);
+    return least < INFINITY;
 }
 
-/* The best point in ``best``, one on the way to it in ``middle``; ``enough`` is a value of the dual
- * objective that ends the iteration. */
-static Status minimised(const Program *g, Work *w, Point *at, Point *spare, Point *change, Point *best,
-                        Point *middle, double tolerance, double enough, int starts, Py_ssize_t most,
-                        Py_ssize_t *count) {
-    double scores[MOST_PATIENCE], worst = INFINITY, rank = INFINITY, least = INFINITY;
-    int is_solved = 0, has_middle = 0;
-    const Py_ssize_t patience = (Py_ssize_t)g->by.patience;
-    if (!(starts && warm(g, at)) && !cold(g, w, at)) return UNSUITED;
-    copied(g, at, best), copied(g, at, middle);
-    for (*count = 0;; ++*count) {
-        Measure r = measured(g, at, w, tolerance);
-        int is_enough = is_within(g, &r, larger(g->by.solved, tolerance));
+/* What is asked, and what else than the best point is found. */
+typedef struct {
+    double tolerance, residual, enough;
+    Py_ssize_t most, count;  /* iterations */
+    const double *starts;
+    Py_ssize_t given;        /* starts */
+    double *way;             /* points on the way, of every power of ten of gaps and residuals the first, */
+    int64_t *power;
+    Py_ssize_t room, ways;   /* so many at most, and found */
+} Run;
+
+static Status minimised(const Program *g, Work *w, Point *at, Point *spare, Point *change, Point *best, Run *run) {
+    double scores[PATIENCE], worst = INFINITY, rank = INFINITY, least = INFINITY;
+    int is_solved = 0;
+    const double enough = larger(SOLVED, run->tolerance);
+    if (!(run->given && warm(g, run->starts, run->given, w, at, spare)) && !cold(g, w, at)) return UNSUITED;
+    copied(g, at, best);
+    for (Py_ssize_t count = 0;; run->count = ++count) {
+        Measure r = measured(g, at, w, run->tolerance);
+        int is_enough = is_within(g, &r, enough, run->residual);
         if (is_enough > is_solved || (is_enough == is_solved && r.score < rank)) {
             copied(g, at, best);
             is_solved = is_enough, rank = r.score;
         }
         least = smaller(least, r.score);
         worst = smaller(worst, larger(r.gap, r.infeasibility));
-        if (!has_middle && worst < g->by.middle) {
-            copied(g, at, middle);
-            has_middle = 1;
+        int64_t power = count && worst < MIDDLE ? (int64_t)floor(log10(larger(worst, 1e-300))) : 0;
+        if (power < (run->ways ? run->power[run->ways - 1] : 0) && run->ways < run->room) {
+            handed(g, at, run->way + run->ways * (g->n + g->p + 2 * g->m));
+            run->power[run->ways++] = power;
         }
         Status none = no_answer(g, at, &r, w);
         if (none != UNSUITED) {
             copied(g, at, best);
             return none;
         }
-        int is_late = worst < g->by.solved || r.gap < g->by.late;
-        double before = *count >= patience ? scores[*count % patience] : INFINITY;
-        scores[*count % patience] = least;
-        if (is_within(g, &r, tolerance) || (is_late && least > 0.5 * before && *count >= patience)) break;
-        if (r.dual >= enough && most_of(w->rx, g->n) * g->loads <= g->by.light * fabs(r.dual - enough)) {
+        int is_late = worst < SOLVED || r.gap < LATE;
+        double before = count >= PATIENCE ? scores[count % PATIENCE] : INFINITY;
+        scores[count % PATIENCE] = least;
+        if (is_within(g, &r, run->tolerance, run->residual)) break;
+        if (is_late && least > 0.5 * before && count >= PATIENCE) break;
+        if (r.dual >= run->enough &&
+            most_of(w->rx, g->n) * g->loads <= LIGHT * fabs(r.dual - run->enough)) {
             copied(g, at, best);
-            return IS_SOLVED;
+            return WAS_SOLVED;
         }
-        if (*count == most || !scaled(g, at->s, at->z) || !factorised(g)) break;
+        if (count == run->most || !scaled(g, at->s, at->z)) break;
+        if (!factorised(g)) break;
         aimed(g, w, &r);
         refined(g, w, &r, change);
         int is_good = is_finite(change->x, g->n) && is_finite(change->y, g->p) && is_finite(change->z, g->m) &&
                       is_finite(change->s, g->m);
         if (!is_good || !moved(g, w, at, change, spare)) break;
     }
-    return is_solved ? IS_SOLVED : worst < g->by.almost ? IS_ALMOST : STALLED;
+    return is_solved ? WAS_SOLVED : worst < ALMOST ? WAS_ALMOST : STALLED;
 }
 
 /* ---- programs ---- */
@@ -769,6 +971,7 @@ static void opened(Program *g) {
 
 static void closed(Program *g) {
     while (g->rooms) free(g->memory[--g->rooms]);
+    if (g->factor) freed(g->factor);
     if (g->wanted > g->stored && g->wanted <= MOST_KEPT) {
         free(g->store);
         g->store = malloc(g->wanted), g->stored = g->store ? g->wanted : 0;
@@ -785,20 +988,18 @@ static Py_ssize_t top(Py_ssize_t *parent, Py_ssize_t j) {
     return j;
 }
 
-static int ascending(const void *a, const void *b) {
-    Py_ssize_t i = *(const Py_ssize_t *)a, j = *(const Py_ssize_t *)b;
-    return (i > j) - (i < j);
-}
-
 /* A program as CVXPY gives it: A by columns, rows of E before those of G. */
 typedef struct {
     const double *c, *b, *data;
     const int32_t *indptr, *indices;
-    const int64_t *soc;
+    const int64_t *soc, *order; /* of equations, or NULL */
+    Py_ssize_t orders;
 } Given;
 
 #define ROOM(type, count) room(g, count, sizeof(type))
 #define EACH_GIVEN(j, k) for (int32_t k = v->indptr[j]; k < v->indptr[j + 1]; k++)
+
+#define REFUSED(...) do { snprintf(g->said, SAID, __VA_ARGS__); return 0; } while (0)
 
 /* Which columns and rows belong to which block, in g->column, g->row and g->block: 1; 0 if they do not
  * suit, -1 without memory. */
@@ -812,7 +1013,6 @@ static int grouped(Program *g, const Given *v) {
         !g->block) return -1;
     for (Py_ssize_t i = 0; i < g->lines; i++) unit[i] = i;
     for (Py_ssize_t k = 0, i = g->lines; k < g->cones; k++) {
-        if (v->soc[k] < 2 || v->soc[k] > LARGEST) return 0;
         for (Py_ssize_t d = 0; d < v->soc[k]; d++) unit[i++] = g->lines + k;
     }
     for (Py_ssize_t i = 0; i < units; i++) first[i] = -1;
@@ -822,18 +1022,20 @@ static int grouped(Program *g, const Given *v) {
         if (first[own] < 0) first[own] = j;
         else parent[top(parent, j)] = top(parent, first[own]);
     }
-    for (Py_ssize_t i = 0; i < units; i++) if (first[i] < 0) return 0;
+    if (!p) REFUSED("there are no equations");
+    for (Py_ssize_t i = 0; i < units; i++) if (first[i] < 0) REFUSED("a cone row without variables");
     for (Py_ssize_t j = 0; j < n; j++) size[top(parent, j)]++, number[j] = -1;
     for (Py_ssize_t k = g->lines; k < units; k++) size[top(parent, first[k])] += WIDEST; /* marks cones */
     for (Py_ssize_t j = 0; j < n; j++) { /* blocks from 0 on, the border from -2 on */
         Py_ssize_t own = top(parent, j), inside = 0, entries = 0;
         EACH_GIVEN(j, k) v->indices[k] < p ? entries++ : inside++;
         if (!inside || (size[own] == 1 && entries > DENSE)) {
-            if (border == BORDER) return 0;
             number[own] = -2 - border++;
         } else if (number[own] == -1) number[own] = g->blocks++;
     }
-    if (!g->blocks) return 0;
+    if (!g->blocks) REFUSED("no variable is in a cone");
+    if (border > BORDER)
+        REFUSED("%zd variables are in no cone or in more than %d equations, at most %d may be", border, DENSE, BORDER);
     g->bound = n - border;
     for (Py_ssize_t j = 0; j < n; j++) {
         Py_ssize_t own = number[top(parent, j)];
@@ -848,7 +1050,8 @@ static int grouped(Program *g, const Given *v) {
     Py_ssize_t column = 0, line = 0, cone = 0;
     for (Py_ssize_t i = 0; i < g->blocks; i++) {
         Block *b = g->block + i;
-        if (b->to > WIDEST) return 0;
+        if (b->to > WIDEST)
+            REFUSED("%zd variables hang together through cones, more than %d", b->to, WIDEST);
         b->from = next[i] = column, column += b->to, b->to = column;
         b->line = line, line += b->lines, b->cone = cone, cone += b->cones;
     }
@@ -874,6 +1077,12 @@ static int grouped(Program *g, const Given *v) {
         g->place[k + 1] = i;
     }
     if (!g->cones) g->place[0] = g->lines;
+    for (Py_ssize_t i = 0; i < g->blocks; i++) {
+        const Block *b = g->block + i;
+        Py_ssize_t height = b->lines + g->place[b->cone + b->cones] - g->place[b->cone];
+        if (height < b->to - b->from)
+            REFUSED("%zd variables in %zd cone rows are not bounded by them", b->to - b->from, height);
+    }
     return 1;
 }
 
@@ -881,8 +1090,18 @@ static int grouped(Program *g, const Given *v) {
 static int ordered(Program *g, const Given *v, Py_ssize_t *rank) {
     Py_ssize_t p = g->p, entries = v->indptr[g->n], count = 0;
     Py_ssize_t *start = ROOM(Py_ssize_t, p + 1), *block = ROOM(Py_ssize_t, entries), *seen = ROOM(Py_ssize_t, g->blocks);
-    g->equation = ROOM(Py_ssize_t, p), g->reach = ROOM(Py_ssize_t, p);
-    if (!start || !block || !seen || !g->equation || !g->reach) return 0;
+    g->equation = ROOM(Py_ssize_t, p);
+    if (!start || !block || !seen || !g->equation) return -1;
+    if (v->order) {
+        int is_good = v->orders == p;
+        for (Py_ssize_t i = 0; i < p; i++) rank[i] = -1;
+        for (Py_ssize_t i = 0; is_good && i < p; i++) {
+            is_good = v->order[i] >= 0 && v->order[i] < p && rank[v->order[i]] < 0;
+            if (is_good) rank[g->equation[i] = v->order[i]] = i;
+        }
+        if (!is_good) snprintf(g->said, SAID, "this is no order of its equations");
+        return is_good;
+    }
     for (int pass = 0; pass < 2; pass++) { /* the blocks of every equation */
         for (Py_ssize_t i = 0; i < g->blocks; i++)
             for (Py_ssize_t j = g->block[i].from; j < g->block[i].to; j++) EACH_GIVEN(g->column[j], k)
@@ -920,6 +1139,55 @@ static int ordered(Program *g, const Given *v, Py_ssize_t *rank) {
     return 1;
 }
 
+/* The pattern of what is left of the equations, and where every block's products go in its factor. */
+static int patterned(Program *g) {
+    Py_ssize_t p = g->p, places = 0, pairs = 0, count = 0;
+    for (Py_ssize_t i = 0; i < g->blocks; i++)
+        if (g->block[i].closes) {
+            Py_ssize_t e = g->block[i].equations;
+            places += e, pairs += e * (e + 1) / 2;
+        }
+    Py_ssize_t *start = ROOM(Py_ssize_t, p + 2), *block = ROOM(Py_ssize_t, places), *local = ROOM(Py_ssize_t, places);
+    Py_ssize_t *at = ROOM(Py_ssize_t, p), *slot = g->slots = ROOM(Py_ssize_t, pairs);
+    int64_t *indptr = ROOM(int64_t, p + 1), *indices = ROOM(int64_t, pairs + p);
+    g->diagonal = ROOM(Py_ssize_t, p);
+    if (!start || !block || !local || !at || !slot || !indptr || !indices || !g->diagonal) return -1;
+    for (int pass = 0; pass < 2; pass++) { /* the blocks of every equation, and which of theirs it is */
+        for (Py_ssize_t i = 0; i < g->blocks; i++) {
+            Block *b = g->block + i;
+            for (Py_ssize_t k = 0; b->closes && k < b->equations; k++) {
+                Py_ssize_t *next = start + g->touched[b->equation + k] + 1 + !pass;
+                if (pass) block[*next] = i, local[*next] = k;
+                ++*next;
+            }
+            if (b->closes && pass) b->slot = slot, slot += b->equations * (b->equations + 1) / 2;
+        }
+        if (!pass) for (Py_ssize_t i = 0; i <= p; i++) start[i + 1] += start[i];
+    }
+    for (Py_ssize_t j = 0; j < p; j++) at[j] = -1;
+#define EACH_PRODUCT(j, row, to, ...) \
+    for (Py_ssize_t t = start[j]; t < start[j + 1]; t++) { \
+        const Block *b = g->block + block[t]; \
+        const Py_ssize_t *own = g->touched + b->equation, k = local[t]; \
+        Py_ssize_t *to = b->slot + k * b->equations - k * (k - 1) / 2; \
+        for (Py_ssize_t l = k; l < b->equations; l++, to++) { Py_ssize_t row = own[l]; __VA_ARGS__; } \
+    }
+    for (Py_ssize_t j = 0; j < p; j++) {
+        Py_ssize_t first = indptr[j] = count;
+        indices[count++] = j, at[j] = first;
+        EACH_PRODUCT(j, row, to, if (at[row] < first) at[row] = count, indices[count++] = row)
+        qsort(indices + first, count - first, sizeof(int64_t), compared);
+        for (Py_ssize_t k = first; k < count; k++) at[indices[k]] = k;
+        EACH_PRODUCT(j, row, to, *to = at[row])
+    }
+    indptr[p] = count;
+    g->factor = analysis(p, count, indptr, indices);
+    if (!g->factor) return -1;
+    for (Py_ssize_t k = 0; k < pairs; k++) g->slots[k] = g->factor->place[g->slots[k]];
+    for (Py_ssize_t j = 0; j < p; j++) g->diagonal[j] = g->factor->place[indptr[j]];
+    return 1;
+}
+
 /* E and G in that order, and the equations of every block. */
 static int filled(Program *g, const Given *v) {
     Py_ssize_t entries = v->indptr[g->n], p = g->p, *where = ROOM(Py_ssize_t, g->m), *seen = ROOM(Py_ssize_t, p);
@@ -932,12 +1200,13 @@ static int filled(Program *g, const Given *v) {
     Py_ssize_t *rank = ROOM(Py_ssize_t, p);
     if (!where || !seen || !local || !rank || !g->start || !g->index || !g->value || !g->estart || !g->eindex || !g->elocal || !g->evalue ||
         !g->touched || !g->c || !g->f || !g->h) return -1;
-    if (!ordered(g, v, rank)) return -1;
+    int is_ordered = ordered(g, v, rank);
+    if (is_ordered < 1) return is_ordered;
     double sum = 0.0;
     Py_ssize_t loaded = 0, used = 0;
     for (Py_ssize_t i = 0; i < p; i++) {
         g->f[rank[i]] = v->b[i], sum += fabs(v->b[i]), loaded += v->b[i] != 0.0;
-        seen[i] = -1, g->reach[i] = i;
+        seen[i] = -1;
     }
     g->unit = loaded ? sum / loaded : 1.0, g->loads = sum > 0.0 ? sum : 1.0;
     for (Py_ssize_t i = 0; i < g->m; i++) where[g->row[i]] = i, g->h[i] = v->b[p + g->row[i]];
@@ -956,37 +1225,35 @@ static int filled(Program *g, const Given *v) {
         Py_ssize_t at = next[where[v->indices[k] - p]]++;
         g->index[at] = j, g->value[at] = v->data[k];
     }
-    Py_ssize_t roots = 0, products = 0, at = 0, widest = 0;
+    Py_ssize_t roots = 0, products = 0, at = 0, widest = 0, part = 0;
     for (Py_ssize_t i = 0; i < g->blocks; i++) {
         Block *b = g->block + i;
         b->equation = at;
         for (Py_ssize_t j = g->estart[b->from]; j < g->estart[b->to]; j++)
             if (seen[g->eindex[j]] != i) seen[g->eindex[j]] = i, g->touched[at++] = g->eindex[j];
         b->equations = at - b->equation;
-        qsort(g->touched + b->equation, b->equations, sizeof(Py_ssize_t), ascending);
+        qsort(g->touched + b->equation, b->equations, sizeof(Py_ssize_t), compared);
         b->wide = (b->equations + LANES - 1) / LANES * LANES, widest = b->equations > widest ? b->equations : widest;
+        Py_ssize_t rows = (b->lines + g->place[b->cone + b->cones] - g->place[b->cone]) * (b->to - b->from);
+        part = rows > part ? rows : part;
         roots += (b->to - b->from) * (b->to - b->from), products += (b->to - b->from) * b->wide;
         const Py_ssize_t *own = g->touched + b->equation;
         for (Py_ssize_t k = 0; k < b->equations; k++) local[own[k]] = k;
         for (Py_ssize_t k = g->estart[b->from]; k < g->estart[b->to]; k++) g->elocal[k] = local[g->eindex[k]];
-        for (Py_ssize_t k = 0, last = b->equations - 1; k < last; k++)
-            if (g->reach[own[k]] < own[last]) g->reach[own[k]] = own[last];
         int is_alike = i && b[-1].equations == b->equations &&
                        !memcmp(own, g->touched + b[-1].equation, sizeof(Py_ssize_t) * b->equations);
         b->opens = !is_alike, b->closes = 1;
         if (is_alike) b[-1].closes = 0;
     }
-    for (Py_ssize_t i = 1; i < p; i++) /* the factor fills in */
-        if (g->reach[i] < g->reach[i - 1]) g->reach[i] = g->reach[i - 1];
-    g->square = ROOM(double, widest * (widest + 4));
+    g->square = ROOM(double, widest * (widest + 4)), g->part = ROOM(double, part);
     double *root = ROOM(double, roots), *product = ROOM(double, products);
-    if (!root || !product || !g->square) return -1;
+    if (!root || !product || !g->square || !g->part) return -1;
     for (Py_ssize_t i = 0; i < g->blocks; i++) {
         Block *b = g->block + i;
         b->root = root, root += (b->to - b->from) * (b->to - b->from);
         b->product = product, product += (b->to - b->from) * b->wide;
     }
-    return 1;
+    return patterned(g);
 }
 
 static int room_for_point(Program *g, Point *at) {
@@ -1003,92 +1270,118 @@ static int room_for_direction(Program *g, Direction *d) {
 static int room_for_work(Program *g, Work *w) {
     Py_ssize_t longest = g->m > g->n ? g->m : g->n;
     longest = longest > g->p ? longest : g->p;
-    g->schur = ROOM(double, g->p * g->p), g->border = ROOM(double, BORDER * g->p), g->corner = ROOM(double, BORDER * BORDER);
-    g->room = ROOM(double, DEEP * (g->p + BROAD + TALL)), g->half = ROOM(double, g->n);
+    g->border = ROOM(double, (g->n - g->bound) * g->p), g->corner = ROOM(double, BORDER * BORDER);
+    g->half = ROOM(double, g->n), g->orders = ROOM(Py_ssize_t, g->bound);
     g->line = ROOM(double, g->lines), g->inverse = ROOM(double, g->lines), g->w = ROOM(double, g->m), g->sizes = ROOM(double, g->cones);
     g->lam = ROOM(double, g->m), g->reciprocal = ROOM(double, g->m);
     w->rx = ROOM(double, g->n), w->ry = ROOM(double, g->p), w->rz = ROOM(double, g->m), w->rhs = ROOM(double, g->n);
+    w->left = ROOM(double, g->n + g->p), w->next = ROOM(double, g->n + g->p);
+    w->changes = ROOM(double, 2 * ROUNDS * (g->n + g->p));
     w->over = ROOM(double, g->m), w->aim = ROOM(double, g->m), w->a = ROOM(double, g->m), w->b = ROOM(double, longest), w->v = ROOM(double, longest);
-    return g->schur && g->border && g->corner && g->room && g->half && g->line && g->inverse && g->w && g->sizes && g->lam &&
+    return g->border && g->corner && g->half && g->orders && g->line && g->inverse && g->w && g->sizes && g->lam &&
            g->reciprocal &&
-           w->rx && w->ry && w->rz && w->rhs && w->over && w->aim && w->a && w->b && w->v &&
+           w->rx && w->ry && w->rz && w->rhs && w->left && w->next && w->changes && w->over && w->aim && w->a && w->b && w->v &&
            room_for_direction(g, &w->found) && room_for_direction(g, &w->tried);
 }
 
-/* Between a point in the program's order, x, y, z and s in one array, and the blocks' order. */
-static void taken(const Program *g, const double *given, Point *at) {
-    const double *y = given + g->n, *z = y + g->p, *s = z + g->m;
-    for (Py_ssize_t j = 0; j < g->n; j++) at->x[j] = given[g->column[j]];
-    for (Py_ssize_t i = 0; i < g->p; i++) at->y[i] = y[g->equation[i]];
-    for (Py_ssize_t i = 0; i < g->m; i++) at->z[i] = z[g->row[i]], at->s[i] = s[g->row[i]];
+/* A program given: sizes and places are checked, for what is wrong would be a crash. */
+static int fits(Program *g, const Given *v, Py_ssize_t rows) {
+    Py_ssize_t total = g->lines;
+    g->are_triples = 1, g->m = rows - g->p, g->degree = g->lines + g->cones;
+    if (g->p < 0 || g->lines < 0 || g->lines > g->m || v->indptr[0]) return 0;
+    for (Py_ssize_t k = 0; k < g->cones; k++) {
+        if (v->soc[k] < 1 || v->soc[k] > g->m - total) return 0;
+        total += v->soc[k], g->are_triples &= v->soc[k] == 3;
+    }
+    for (Py_ssize_t j = 0; j < g->n; j++) if (v->indptr[j] > v->indptr[j + 1]) return 0;
+    for (Py_ssize_t k = 0; k < v->indptr[g->n]; k++) if (v->indices[k] < 0 || v->indices[k] >= rows) return 0;
+    return total == g->m;
 }
 
-static void handed(const Program *g, const Point *at, double *to) {
-    double *y = to + g->n, *z = y + g->p, *s = z + g->m;
-    for (Py_ssize_t j = 0; j < g->n; j++) to[g->column[j]] = at->x[j];
-    for (Py_ssize_t i = 0; i < g->p; i++) y[g->equation[i]] = at->y[i];
-    for (Py_ssize_t i = 0; i < g->m; i++) z[g->row[i]] = at->z[i], s[g->row[i]] = at->s[i];
+#define TAKEN(g) \
+    DOUBLES(c, 0, ANY); \
+    g->n = LENGTH; \
+    INTEGERS(int32_t, indptr, 1, g->n + 1); \
+    INTEGERS(int32_t, indices, 2, indptr[g->n]); \
+    DOUBLES(data, 3, indptr[g->n]); \
+    DOUBLES(b, 4, ANY); \
+    Py_ssize_t rows = LENGTH; \
+    g->p = PyLong_AsSsize_t(args[5]), g->lines = PyLong_AsSsize_t(args[6]); \
+    if (PyErr_Occurred()) goto fail; \
+    INTEGERS(int64_t, soc, 7, ANY); \
+    g->cones = LENGTH; \
+    Given v = {c, b, data, indptr, indices, soc, NULL, 0}; \
+    CHECK(fits(g, &v, rows), "the matrix does not fit the cones")
+
+/* blocks(c, indptr, indices, data, b, zero, orthant, soc, block): the number of every column's block, -1 on
+ * the border; returns what does not suit. */
+static PyObject *blocks(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    BEGIN(9);
+    Program program = {0}, *g = &program;
+    TAKEN(g);
+    WRITTEN(int64_t, block, 8, g->n);
+    opened(g);
+    int is_good = grouped(g, &v);
+    for (Py_ssize_t j = 0; is_good > 0 && j < g->n; j++) block[j] = -1;
+    for (Py_ssize_t i = 0; is_good > 0 && i < g->blocks; i++)
+        for (Py_ssize_t j = g->block[i].from; j < g->block[i].to; j++) block[g->column[j]] = i;
+    closed(g);
+    if (is_good < 0) NO_MEMORY;
+    END(PyUnicode_FromString(g->said));
 }
 
-/* minimise(c, indptr, indices, data, b, zero, orthant, soc, tolerance, max_iter, enough, starts, point,
- * middle, numbers): status and iterations. ``point`` holds a start, if it ``starts``, and then the answer. */
+/* minimise(c, indptr, indices, data, b, zero, orthant, soc, order, (tolerance, residual, enough), max_iter,
+ * starts, point, way, powers): status, objective, iterations, points on the way, and what does
+ * not suit. */
 static PyObject *minimise(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     BEGIN(15);
     Program program = {0}, *g = &program;
-    DOUBLES(c, 0, ANY);
-    g->n = LENGTH;
-    INTEGERS(int32_t, indptr, 1, g->n + 1);
-    INTEGERS(int32_t, indices, 2, indptr[g->n]);
-    DOUBLES(data, 3, indptr[g->n]);
-    DOUBLES(b, 4, ANY);
-    Py_ssize_t rows = LENGTH;
-    g->p = PyLong_AsSsize_t(args[5]), g->lines = PyLong_AsSsize_t(args[6]);
-    INTEGERS(int64_t, soc, 7, ANY);
-    g->cones = LENGTH, g->are_triples = 1, g->m = rows - g->p, g->degree = g->lines + g->cones;
-    double tolerance = PyFloat_AsDouble(args[8]), enough = PyFloat_AsDouble(args[10]);
-    Py_ssize_t most = PyLong_AsSsize_t(args[9]), total = g->lines, count = 0;
-    int starts = (int)PyLong_AsLong(args[11]);
+    Run run = {0};
+    TAKEN(g);
+    INTEGERS(int64_t, order, 8, ANY);
+    Py_ssize_t orders = LENGTH;
+    DOUBLES(asked, 9, 3);
+    run.tolerance = asked[0], run.residual = asked[1], run.enough = asked[2];
+    run.most = PyLong_AsSsize_t(args[10]);
     if (PyErr_Occurred()) goto fail;
-    int is_good = g->p >= 0 && g->lines >= 0 && g->m >= 0 && g->lines <= g->m && indptr[0] == 0;
-    for (Py_ssize_t k = 0; is_good && k < g->cones; k++) {
-        is_good = soc[k] > 0 && soc[k] <= g->m - total;
-        total += soc[k], g->are_triples &= soc[k] == 3;
-    }
-    is_good = is_good && total == g->m;
-    for (Py_ssize_t j = 0; is_good && j < g->n; j++) is_good = indptr[j] <= indptr[j + 1];
-    for (Py_ssize_t k = 0; is_good && k < indptr[g->n]; k++) is_good = indices[k] >= 0 && indices[k] < rows;
-    CHECK(is_good, "the matrix does not fit the cones");
-    RESULT(point, 12, g->n + g->p + 2 * g->m);
-    RESULT(halfway, 13, g->n + g->p + 2 * g->m);
-    DOUBLES(by, 14, sizeof(Numbers) / sizeof(double));
-    memcpy(&g->by, by, sizeof(Numbers));
-    CHECK(g->by.patience >= 1.0 && g->by.patience < MOST_PATIENCE, "patience is too long");
+    const Py_ssize_t size = g->n + g->p + 2 * g->m;
+    DOUBLES(starts, 11, ANY);
+    run.starts = starts, run.given = size ? LENGTH / size : 0;
+    RESULT(point, 12, size);
+    RESULT(way, 13, ANY);
+    run.way = way, run.room = size ? LENGTH / size : 0;
+    WRITTEN(int64_t, power, 14, run.room);
+    run.power = power;
+    g->target = smaller(larger(TARGET, WIDER * run.tolerance), LOOSEST);
+    g->hard = HARD * TARGET / g->target;
     Status status = UNSUITED;
+    int is_good;
+    double value = NAN;
     Work work;
-    Point at, spare, change, best, middle;
+    Point at, spare, change, best;
     opened(g);
     Py_BEGIN_ALLOW_THREADS
-    Given v = {c, b, data, indptr, indices, soc};
-    is_good = g->p > 0 && g->p <= MOST_EQUATIONS ? grouped(g, &v) : 0;
+    v.order = orders ? order : NULL, v.orders = orders;
+    is_good = grouped(g, &v);
     if (is_good > 0) is_good = filled(g, &v);
     if (is_good > 0)
         is_good = room_for_work(g, &work) && room_for_point(g, &at) && room_for_point(g, &spare) &&
-                  room_for_point(g, &change) && room_for_point(g, &best) && room_for_point(g, &middle) ? 1 : -1;
+                  room_for_point(g, &change) && room_for_point(g, &best) ? 1 : -1;
     if (is_good > 0) {
-        if (starts) taken(g, point, &at);
-        status = minimised(g, &work, &at, &spare, &change, &best, &middle, tolerance, enough, starts, most, &count);
-        handed(g, &best, point), handed(g, &middle, halfway);
+        status = minimised(g, &work, &at, &spare, &change, &best, &run);
+        if (status == UNSUITED)
+            snprintf(g->said, SAID, "some variables are neither in a cone nor in independent equations");
+        else {
+            handed(g, &best, point);
+            value = long_dot(g->c, best.x, g->n);
+        }
     }
     Py_END_ALLOW_THREADS
     closed(g);
     if (is_good < 0) NO_MEMORY;
-    END(Py_BuildValue("(in)", (int)status, count));
+    END(Py_BuildValue("(idnns)", (int)status, value, run.count, run.ways, g->said));
 }
 
-static PyObject *numbers(PyObject *self, PyObject *const *args, Py_ssize_t given) {
-    return PyUnicode_FromString(EACH_NUMBER(WORD));
-}
+static PyMethodDef functions[] = {FUNCTION(minimise), FUNCTION(blocks), NO_FUNCTION};
 
-static PyMethodDef functions[] = {FUNCTION(minimise), FUNCTION(numbers), NO_FUNCTION};
-
-MODULE(_small, functions)
+MODULE(_interior, functions)
