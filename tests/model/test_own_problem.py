@@ -13,7 +13,7 @@ from cvxlimit import Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.solvers import settings_for
+from cvxlimit.solvers import blockwise, settings_for
 from helpers import assert_certified
 from rows import assert_same_rows
 
@@ -132,7 +132,7 @@ def test_only_what_changed_is_solved_from_where_the_last_solve_ended() -> None:
             assert solution.load_factor == pytest.approx(anew.load_factor, rel=1e-5)
 
 
-@pytest.mark.parametrize("solver", ["CLARABEL", "BLOCKWISE", "cvxpy"])
+@pytest.mark.parametrize("solver", ["CLARABEL", *(own.name for own in blockwise()), "cvxpy"])
 def test_a_prop_takes_what_it_may(solver: str) -> None:
     """A slab on mu = 0.5 with its shear limited to a fifth of its weight, then to a third."""
     scene = single_block((1.0, 1.0, 0.2), friction=0.5, live=Load(acceleration=(1, 0, 0)))
@@ -271,7 +271,7 @@ def test_what_was_added_as_rows_on_forces_of_contacts() -> None:
     problem.add("even", problem.V1[third] == 0.5 * problem.V1[second])
     state = problem.run(settings_for("CLARABEL"))
     for most.value, arm.value in ((0.02, 2.0), (0.03, 2.0), (0.03, 3.0)):
-        state = problem.run(settings_for("BLOCKWISE"))
+        state = problem.run(*blockwise() or [settings_for("CLARABEL")])
         rows = problem.linear_limits()
         assert rows.names == ("even", "mixed")
         assert rows.is_equation.tolist() == [True, False]
