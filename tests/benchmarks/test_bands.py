@@ -8,7 +8,7 @@ import pytest
 from benchmarks.experiments.bands import SOLVERS, alone, measured, overlap, told
 
 from cvxlimit.solution import Iteration
-from cvxlimit.solvers import installed
+from cvxlimit.solvers.table import able
 
 WANDERS = [("random-wall-8", "independent"), ("random-wall-2", "paper")]
 """Walls of some forty contacts on which no solver settles."""
@@ -19,11 +19,11 @@ WANDERS = [("random-wall-8", "independent"), ("random-wall-2", "paper")]
 def test_bands_overlap_through_solvers_compiled_or_not(name: str, moments: str) -> None:
     """Every solver goes a way of its own. Where none of them settles they wander over the same
     range, a tenth wide here, so that their bands meet although their last iterates do not."""
-    solvers = [solver for solver in SOLVERS if solver in installed() or solver == "BLOCKWISE"]
+    solvers = [solver for solver in SOLVERS if solver in able()]
     found = [measured(name, moments, solver) for solver in solvers]
     if moments == "independent":
         other = "yes" if os.environ.get("CVXLIMIT_COMPILED") == "no" else "no"
-        found.append(alone(name, moments, "BLOCKWISE", other))
+        found.append(alone(name, moments, "CLARABEL", other))
     assert all(each.last == 40 and each.width > 0.05 for each in found)
     assert max(each.lowest for each in found) < min(each.highest for each in found)
 

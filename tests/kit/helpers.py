@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linprog
@@ -21,12 +22,15 @@ from cvxlimit.geometry.contacts import Contact
 from cvxlimit.geometry.polygons import mean_distance
 from cvxlimit.masonry import arch, panel, running_bond, wall
 from cvxlimit.readings.named import parse_moments
+from cvxlimit.solvers.extensions import INTERIOR
 from cvxlimit.surfaces import Condition, Norm, YieldSurface
 
 FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-5
 """Default width of a bracket: what every certified solution promises."""
+
+COMPILED = pytest.mark.skipif(INTERIOR is None, reason="our own solver is not compiled here")
 
 
 def assert_certified(

@@ -30,10 +30,9 @@ from cvxlimit.solvers import (
     default_ladder,
     limit_ladder,
 )
-from cvxlimit.solvers.extensions import INTERIOR
 from cvxlimit.solvers.interior import Point, Program, Result, minimised, order_of
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
-from helpers import assert_certified, named_scene, scenes
+from helpers import COMPILED, assert_certified, named_scene, scenes
 from kinematics import KinematicProblem
 
 FloatArray = NDArray[np.float64]
@@ -42,7 +41,7 @@ OWN = SolverSettings("BLOCKWISE")
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-pytestmark = pytest.mark.skipif(INTERIOR is None, reason="not compiled here")
+pytestmark = COMPILED
 
 
 def random_program(rng: np.random.Generator) -> cp.Problem:

@@ -35,6 +35,7 @@ from cvxlimit.solvers import (
 )
 from falling import FALLING, GOOD, STOPPED, UNKNOWN, assert_falls, incline
 from helpers import (
+    COMPILED,
     assert_certified,
     dead_load_stands,
     hand_equilibrium,
@@ -219,7 +220,7 @@ class TestLadder:
         with pytest.raises(ModelError, match=message):
             ladder_of(ladder)  # type: ignore[arg-type]
 
-    @pytest.mark.skipif(not blockwise(), reason="not compiled here")
+    @COMPILED
     def test_a_solver_of_ones_own(self) -> None:
         """A class that CVXPY could take as a solver may stand on the ladder as it is."""
 

@@ -11,8 +11,9 @@ import cvxpy.settings as keys
 import numpy as np
 import pytest
 
-from cvxlimit.solvers import Blockwise, blockwise, run, settings_for
+from cvxlimit.solvers import Blockwise, run, settings_for
 from cvxlimit.solvers.table import able
+from helpers import COMPILED
 
 BACKENDS = (None, "CPP", "SCIPY", "COO")
 
@@ -88,7 +89,7 @@ def sliding_stack() -> tuple[cp.Problem, cp.Parameter, Any]:
     return problem, friction, above
 
 
-@pytest.mark.skipif(not blockwise(), reason="not compiled here")
+@COMPILED
 class TestResolving:
     def test_answers_follow_the_parameter(self) -> None:
         """Closed form; 1e-8 is a thousand times what the solver is asked for."""

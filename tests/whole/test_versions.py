@@ -15,6 +15,7 @@ import pytest
 import cvxlimit
 from cvxlimit import Certified, FixedPoint, builtin_scene, solve
 from cvxlimit.solvers import SolverSettings, versions
+from helpers import COMPILED
 
 SOURCE = Path(cvxlimit.__file__)
 PACKAGE = {"cvxlimit": cvxlimit.__version__, "cvxpy": version("cvxpy")}
@@ -60,7 +61,7 @@ def test_modules_do_not_hide_behind_functions() -> None:
     [
         ({"ladder": [SolverSettings("CLARABEL")]}, {"clarabel"}),
         ({"ladder": [SCS], "tolerance": 0.1}, {"scs"}),
-        ({"ladder": [SolverSettings("BLOCKWISE")]}, {"blockwise"}),
+        pytest.param({"ladder": [SolverSettings("BLOCKWISE")]}, {"blockwise"}, marks=COMPILED),
         ({"method": FixedPoint(max_iterations=2)}, set()),
         ({"method": Certified(solves=2, branching_seconds=1.0)}, {"clarabel"}),
     ],

@@ -41,7 +41,7 @@ from determinate import (
     upper_bound,
 )
 from exhaustive import slow
-from helpers import interaction_excess, named_scene
+from helpers import COMPILED, interaction_excess, named_scene
 from hull_in_cvxpy import disjunct_forces
 
 SIDES = [(1.0, 1.0), (1.0, 0.3), (0.2, 0.9), (1.0, 0.02)]
@@ -466,6 +466,7 @@ def test_fractions_are_of_half_sides() -> None:
     np.testing.assert_allclose(half_extent(block_of((1.0, 0.5))), [[0.5, 0.25]])
 
 
+@COMPILED
 @pytest.mark.parametrize("moments", NAMES)
 def test_a_start_costs_or_saves_time_only(moments: str) -> None:
     """From halfway to another problem's answer, with other disjuncts of some contacts, and from
@@ -490,6 +491,7 @@ def test_a_start_costs_or_saves_time_only(moments: str) -> None:
         assert warm.load_factor == pytest.approx(cold.load_factor, rel=1e-7)
 
 
+@COMPILED
 @pytest.mark.parametrize("moments", NAMES)
 def test_pieces_make_up_the_whole(moments: str) -> None:
     """In any order, whole, cut by contact or by disjunct: the same load factor, and forces that are
@@ -508,6 +510,7 @@ def test_pieces_make_up_the_whole(moments: str) -> None:
         assert np.abs(rest).max() <= 1e-7 * scene.total_weight
 
 
+@COMPILED
 @pytest.mark.parametrize("price", [None, 10.0])
 @pytest.mark.parametrize("moments", NAMES)
 def test_a_problem_starts_where_it_was_halfway(moments: str, price: float | None) -> None:
@@ -538,6 +541,7 @@ def test_a_problem_starts_where_it_was_halfway(moments: str, price: float | None
         )
 
 
+@COMPILED
 @pytest.mark.parametrize("moments", NAMES)
 def test_what_ends_early_still_bounds(moments: str) -> None:
     """A load factor that is not reached: the mechanism proves it, and less is not claimed."""
