@@ -184,12 +184,15 @@ def canvas_words(tab: Browser) -> list[tuple[str, list[float]]]:
 class TestViewer:
     def test_it_says_in_one_short_sentence_what_the_number_is_worth(self, tab, pages) -> None:
         said = tab.opened(pages["viewer"], 1280, "light").text("#advice")
-        assert said.startswith("Certified: between 0.42305 and 0.42306, proved outside the solver.")
+        assert said == (
+            "Certified: between 0.42305 and 0.42306, on the unsafe side, as joints slide and open "
+            "by dilatancy."
+        )
 
     def test_on_a_phone_the_picture_comes_before_what_the_number_rests_on(self, tab, pages) -> None:
         tab.opened(pages["viewer"], 390, "light")
         assert tab.run("return document.querySelector('header').offsetHeight") < 0.2 * HEIGHTS[390]
-        assert "On the unsafe side: joints slide" in tab.text("#advice")
+        assert "on the unsafe side, as joints slide" in tab.text("#advice")
         assert "joints that move" not in tab.text("header")
         tab.click("#more summary")
         assert "115 of 124 joints that move" in tab.text("header")

@@ -125,7 +125,9 @@ def import_command(asked: Geometry) -> ExitCode:
     output, plot = asked.output or Path(), asked.plot
     vector("--live", asked.live or "", "0,1,0")
     inputs = dict.fromkeys(asked.geometry, "the geometry")
-    check_outputs({"--output": output, "--plot": plot}, inputs, plot=SCENE_PICTURES)
+    check_outputs(
+        {"--output": output, "--plot": plot}, inputs, plot=SCENE_PICTURES, output=[".json"]
+    )
     started = time.perf_counter()
     found, contacts = _drawn_if_refused(asked, plot)
     seconds = time.perf_counter() - started

@@ -94,23 +94,22 @@ def page(scene: Scene, solution: Solution) -> Page:
 
 
 def _said(solution: Solution) -> tuple[str, str]:
-    """What the number is worth, in one or two short sentences, and the note, which says why."""
-    note, unsafe = solution.note, solution.dilatancy
+    """What the number is worth, in one short sentence, and the note, which says why."""
+    note, dilatancy, unsafe = solution.note, solution.dilatancy, ""
+    if dilatancy is not None and dilatancy.is_worth_a_word:
+        unsafe = "on the unsafe side, as joints slide and open by dilatancy"
     if not solution.status.has_answer:  # what to do is in the note
         return sentences(solution.standing, note), ""
     if solution.status is Status.CERTIFIED:
         lower = rounded_down(solution.lower, look.DIGITS)
         upper = rounded_up(solution.upper, look.DIGITS)
-        how = "proved" if solution.is_proved else "recomputed"
-        first = f"{solution.standing}: between {lower} and {upper}, {how} outside the solver"
+        how = f"{'proved' if solution.is_proved else 'recomputed'} outside the solver"
+        first = f"{solution.standing}: between {lower} and {upper}, {unsafe or how}"
         if solution.is_proved:
             note = note.removeprefix("both bounds are proved, up to rounding").removeprefix("; ")
     else:
-        first = f"{solution.standing}: {solution.status.advice}"
-    second = ""
-    if unsafe is not None and unsafe.is_worth_a_word:
-        second = "on the unsafe side: joints slide, and open by dilatancy"
-    return sentences(first, second), sentences(note)
+        first = f"{solution.standing}: {unsafe or solution.status.advice}"
+    return sentences(first), sentences(note)
 
 
 def sentences(*said: str) -> str:
