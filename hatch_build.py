@@ -3,7 +3,7 @@ builds.
 
 What is written in C in ``src/cvxlimit/solvers`` becomes extensions for the stable interface of
 Python 3.11, built by setuptools. Without a C compiler, or for ``CVXLIMIT_COMPILED=no``, the package
-is built without them: NumPy and SciPy then do the same, in more time.
+is built without them: other solvers then do the same, in more time.
 
 A package index shows pictures and follows links only at absolute addresses: it hosts none of a
 package's files, and takes out pictures that are written into the text (``data:`` addresses, SVG).

@@ -25,7 +25,7 @@ REFERENCE_SECONDS = 1200.0
 PLAIN = ("cvxlimit*", "conic/*", "octagon*", "??-gon*", "literal/*")
 """The paper's problem without interaction, by all methods."""
 FEW = '"cvxlimit*" "conic/corners/clarabel-qdldl/*" "conic/corners/qoco/*" '
-FEW += '"conic/corners/blockwise-supernodal/*" "literal/octagon/kN-m" "literal/conic/kN-m"'
+FEW += '"conic/corners/blockwise/*" "literal/octagon/kN-m" "literal/conic/kN-m"'
 """Those that a reader can tell apart where nearly all are exact."""
 
 
