@@ -40,10 +40,10 @@ def paths(
     yield Head("scene", "steps", "iterates a step", "CPU s", "d0", "off by", "ends")
     for colour, name in zip(COLOURS, scenes, strict=False):
         scene, found = scene_of(name), []
-        length = pushover(scene, certify="none").displacement[-1]
+        length = pushover(scene, certify="none", flow="associated").displacement[-1]
         for number in steps:
             start = process_time()
-            path = pushover(scene, step=length / number)
+            path = pushover(scene, step=length / number, flow="associated")
             found.append((process_time() - start, number, path))
         true = 0.2 if name == "single-block" else found.pop()[2].d0
         off = [max(abs(path.d0 / true - 1.0), 1e-13) for *_, path in found]
