@@ -121,7 +121,8 @@ def products(
     """What products of forces and rates add to it."""
     least, settings = known.members[0].load_factor, Lifted(radius, seconds=_PATIENT)
     start = lower_bound(Run(scene), least).load_factor
-    bound, seconds = seconds_of(lambda: lifted_bound(Run(scene), start, least, settings))
+    bounds, seconds = seconds_of(lambda: list(lifted_bound(Run(scene), start, least, settings)))
+    bound = bounds[-1]
     numbers = f"{least:.6f}", f"{start:.6f}", f"{bound.load_factor:.6f}"
     worth = f"{1.0 - bound.load_factor / least:.1e}", f"{bound.rates:.0e}", f"{seconds:.1f}"
     within = "all" if radius is None else radius

@@ -30,6 +30,7 @@ the live load's displacement, some 1e4 to 1e6 of it, where mechanisms of walls h
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import cvxpy as cp
@@ -178,8 +179,9 @@ class _Products:
         return self.strength.shape[1], self.flow.shape[1]
 
 
-def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> LiftedBound:
-    """A lower bound of all solutions without dilatancy from ``start`` on, in the plane.
+def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Iterator[LiftedBound]:
+    """Lower bounds of all solutions without dilatancy from ``start`` on, in the plane: one of every
+    window, so that an interruption leaves those found; or why there is none.
 
     Parameters
     ----------
@@ -197,7 +199,8 @@ def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Lift
         return LiftedBound(factor, start, rates, time.perf_counter() - since, note)
 
     if not start < upper < np.inf:
-        return result("there is nothing between the bounds that are known")
+        yield result("there is nothing between the bounds that are known")
+        return
     with run.clock.phase("compile"):
         found = Reductions.of(run.assemblage, run.surfaces, model="least")
         found = replace(found, mirror=None, loaded=None)
@@ -208,12 +211,14 @@ def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Lift
         problem = LimitProblem(found.assemblage, run.surfaces, reduction=found.best())
         products = _Products.of(problem)
     if products is None:
-        return result("the lifted problem is for scenes in a plane, with one law of friction")
+        yield result("the lifted problem is for scenes in a plane, with one law of friction")
+        return
     scaling = found.assemblage.scaling
     weight.value, at.value = -np.ones(len(run.contacts)), upper / scaling.load_factor(1.0)
     most = _largest_compression(run, pressing, start, (1.0 + _WIDER) * upper)
     if not np.isfinite(most):
-        return result("joints may press each other without end")
+        yield result("joints may press each other without end")
+        return
     unit = scaling.load_factor(1.0)
     lowest, rates, note = start, np.inf, "the lifted problem does not raise the bound"
     while True:
@@ -236,11 +241,11 @@ def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Lift
             break
         gap, rise, lowest = upper - lowest, factor - lowest, factor
         rates = min(rates, _LOSS * factor / unit / taken)
+        yield result("multipliers recomputed in NumPy", lowest, rates)
         if rise < _WORTH * gap or upper - lowest <= 2.0 * _LOSS * upper:
             break
     if lowest == start:
-        return result(note)
-    return result("multipliers recomputed in NumPy", lowest, rates)
+        yield result(note)
 
 
 class _Lift:

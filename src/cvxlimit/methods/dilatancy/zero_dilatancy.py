@@ -215,11 +215,12 @@ class _Search:
         """What products of forces and rates show besides."""
         run, start = self.run, max(self.run.best.bracket.lower, 0.0)
         run.tell("bounding solutions by products of forces and rates")
-        self.products = lifted_bound(run, start, self._extreme(1.0)[0].load_factor, settings)
-        if self.products.load_factor > start:
-            bracket = run.best.bracket.raised(self.products.load_factor, False)
-            run.best = replace(run.best, bracket=bracket)
-        self._report()
+        lowest = self._extreme(1.0)[0].load_factor
+        for self.products in lifted_bound(run, start, lowest, settings):
+            if self.products.is_bound:
+                bracket = run.best.bracket.raised(self.products.load_factor, False)
+                run.best = replace(run.best, bracket=bracket)
+            self._report()
 
     # One solution
 
