@@ -96,6 +96,13 @@ def test_where_joints_slide_the_check_is_of_the_finer_run_if_that_got_to_its_end
     assert "not of the run with half the step" in check.notes[-1]
 
 
+def test_what_friction_at_points_adds_is_told() -> None:
+    path = turning(wall(1), ANGLES)
+    more = replace(path, initial=replace(path.initial, load_factor=path.load_factor[0] / 1.05))
+    assert code_check(path).notes == path.notes
+    assert "changes a0* by +5.0% against solve's" in code_check(more).notes[-1]
+
+
 def test_where_nothing_holds_the_wall_any_more_it_ends_there() -> None:
     path = turning(wall(1), ANGLES[:-1])
     check = code_check(replace(path, status="falls", reason="c0 falls"))

@@ -240,7 +240,10 @@ def code_check(
     along, size = _push(scene)
     weight, rate = _moving(path, along, groups)
     total, first, second = weight.sum(), weight @ rate, weight @ rate**2
+    over = f"{path.load_factor[0] / (path.initial.load_factor or np.inf) - 1.0:+.1%}"
     path, notes = _finer(path)
+    if over[1:] != "0.0%":
+        notes = (*notes, f"friction acts at points, which changes a0* by {over} against solve's")
     e_star = first**2 / (total * second)
     spectral = second / (_at_control(path, along) * first)  # displacement over the control point's
     times = size * gravity / (e_star * factor)  # acceleration over the load factor
