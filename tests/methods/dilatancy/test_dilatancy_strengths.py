@@ -132,7 +132,7 @@ def assert_members_by_hand(scene: Scene, solution: Solution) -> None:
             shear = np.hypot(x[0], x[1]) + abs(x[5]) / arm
             assert shear <= cohesion + contact.friction * x[2] + 2e-6 * load
             e = np.abs(np.array([x[4], x[3]])) / max(x[2], 1e-9)
-            assert x[2] <= strength * np.prod(np.maximum(sides - 2 * e, 0.0)) + 1e-5 * load
+            assert x[2] <= strength * np.prod(np.maximum(sides - 2 * e, 1e-9 * sides)) + 1e-5 * load
 
 
 @pytest.mark.parametrize("strength", [slow({"compressive": 100.0}), {"cohesion": 2.0}])
