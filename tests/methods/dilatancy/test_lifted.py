@@ -151,7 +151,8 @@ def test_what_it_cannot_do_is_said() -> None:
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", range(50))
 def test_random_walls_are_closed_or_bounded(seed: int) -> None:
-    """Of at most 20 contacts: never above the lowest member, however it was found."""
+    """Of at most 20 contacts: never above the lowest member, however it was found, and on it where
+    a mixed-integer program, too slow for more contacts, has the lowest of all."""
     rng = np.random.default_rng(seed)
     pattern = running_bond(int(rng.integers(1, 3)), int(rng.integers(2, 5)))
     if seed % 3 == 0:
@@ -162,3 +163,7 @@ def test_random_walls_are_closed_or_bounded(seed: int) -> None:
     assert start <= found * (1 + 1e-6)
     bound = lifted(scene, start, found).load_factor
     assert bound <= found * (1 + 1e-6)
+    if len(scene.contacts) <= 11:
+        least, proved = lowest_member(scene)
+        assert proved == pytest.approx(least, rel=1e-6)
+        assert (found, bound) == pytest.approx((least, least), rel=1e-4)
