@@ -100,7 +100,7 @@ def test_only_five_small_changes_in_a_row_are_converged() -> None:
     """On walls that settle, that wander, and that meet the criterion on the way, at a tolerance
     which is met by chance; the bands of those that settled are no wider than the changes allow."""
     ends = set()
-    for seed in (1, 2, 7, 13):
+    for seed in (1, 2, 7, 8):
         rule = FixedPoint(tolerance=2e-3, max_iterations=40)
         run = solve(random_wall(seed), "conic", rule)
         found = run.iteration

@@ -393,7 +393,7 @@ def test_what_strengths_share_is_what_is_made_anew(surface: str) -> None:
         assert shared.program is not None
         assert abs(own.program.matrix - shared.program.matrix).max() == 0.0
         np.testing.assert_array_equal(own.program.right, shared.program.right)
-        state = own.run(settings_for("CLARABEL", 1e-6))
+        state = own.run(settings_for("CLARABEL", 1e-9))
         bounds, same = (Certifier(p.assemblage, surfaces).of(state) for p in (own, shared))
         assert (bounds.lower, bounds.upper) == pytest.approx((same.lower, same.upper), rel=1e-12)
         assert bounds.upper - bounds.lower <= 1e-5 * bounds.upper

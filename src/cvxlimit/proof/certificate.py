@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.base.arrays import EPSILON, ROUNDING, FloatArray, IntArray
+from cvxlimit.base.arrays import EPSILON, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
@@ -292,7 +292,8 @@ class Certifier:
         self, x: FloatArray, alpha: float, rate: float, u: FloatArray | None
     ) -> _Bound:
         can = self._can_reduce and self._flow is None and not self.strength.is_internal
-        given = without_idle(self.assemblage, x, ROUNDING) if can else None
+        share = EPSILON**0.5  # half the digits; a bound with fewer contacts is one with all of them
+        given = without_idle(self.assemblage, x, share) if can else None
         smaller = None if given is None else self._of_less(given[0])
         if given is None or smaller is None:
             return -np.inf, False, np.nan, np.nan
