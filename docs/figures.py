@@ -300,6 +300,36 @@ def from_blender() -> plt.Figure:
     return found.scene.plot(figsize=(4.6, 3.4))
 
 
+def from_rhino() -> plt.Figure:
+    """An arch on piers in a file of the form that the table describes: an object a stone, z up, mm."""
+    lines, count = [], 1
+    for block in builtin_scene("arch-on-piers").blocks:
+        lines.append(f"o {block.id}")
+        lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in 1000.0 * block.vertices]
+        lines += ["f " + " ".join(str(count + i) for i in face) for face in block.faces]
+        count += len(block.vertices)
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "arch.obj")
+        file.write_text("\n".join(lines), "utf-8")
+        found = import_geometry(
+            file, length_unit="mm", to_unit="m", up="z", friction=0.7, live=(1, 0, 0), density=20,
+            supports="lowest", name="arch in the form of Rhino's files",
+        )  # fmt: skip
+    return found.scene.plot(figsize=(4.6, 3.4))
+
+
+def from_compas() -> plt.Figure:
+    """The template's arch of compas_dem (extra ``compas``)."""
+    from compas_dem.models import BlockModel
+    from compas_dem.templates import ArchTemplate
+
+    model = BlockModel("arch of compas_dem")
+    for mesh in ArchTemplate(rise=0.925, span=1.85, thickness=0.15, depth=0.3, n=22).blocks():
+        model.add_block_from_mesh(mesh)
+    model.add_supports([0, 21])
+    return Scene.from_compas(model, friction=0.7, density=20).plot(figsize=(4.6, 3.4))
+
+
 def from_drawing() -> plt.Figure:
     """An elevation of closed polylines with a thickness, in millimetres, y up."""
     import ezdxf
@@ -326,6 +356,8 @@ def from_drawing() -> plt.Figure:
 FIGURES = {
     "from-blender": from_blender,
     "from-drawing": from_drawing,
+    "from-rhino": from_rhino,
+    "from-compas": from_compas,
     "contact-frame": contact_frame,
     "block-frame": block_frame,
     "pressure-centre": pressure_centre,
