@@ -301,7 +301,7 @@ def from_blender() -> plt.Figure:
 
 
 def from_rhino() -> plt.Figure:
-    """An arch on piers in a file of the form that the table describes: an object a stone, z up, mm."""
+    """An arch on piers in a file of the form that the page has: an object a stone, z up, mm."""
     lines, count = [], 1
     for block in builtin_scene("arch-on-piers").blocks:
         lines.append(f"o {block.id}")
