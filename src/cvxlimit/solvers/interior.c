@@ -697,11 +697,11 @@ static void stepped(const Program *g, Work *w, const Direction *from, double sha
     for (Py_ssize_t j = 0; j < g->n; j++) to->x[j] = from->x[j] + share * change[j];
     for (Py_ssize_t i = 0; i < g->p; i++) to->y[i] = from->y[i] + share * change[g->n + i];
     if (to != from) memcpy(to->own, from->own, sizeof(double) * g->m);
-    by_rows(g, to->x, w->a);
+    by_rows(g, change, w->a); /* not the sum: rounding would be its, and refinement end there */
     times(g, w->a, -1.0, w->b);
     for (Py_ssize_t i = 0; i < g->m; i++) {
-        to->ds[i] = w->over[i] - w->b[i];
-        to->dz[i] = to->own[i] - to->ds[i];
+        to->ds[i] = from->ds[i] - share * w->b[i];
+        to->dz[i] = from->dz[i] + share * w->b[i];
     }
 }
 
