@@ -74,7 +74,7 @@ def small_changes(run: Solution, tolerance: float) -> list[bool]:
 def test_the_band_is_that_of_the_last_iterates(moments: str) -> None:
     """Of those after the first twenty, and of twenty at least; told wherever the answer is."""
     for most in (4, 30, 60):
-        rule = FixedPoint(max_iterations=most, tolerance=2e-3, moments=moments)
+        rule = FixedPoint(max_iterations=most, tolerance=5e-4, moments=moments)
         run = solve(WANDERS[moments], "conic", rule)
         found = run.iteration
         assert found is not None
@@ -84,7 +84,7 @@ def test_the_band_is_that_of_the_last_iterates(moments: str) -> None:
         assert found.lowest == min(factors[-found.last :])
         assert found.highest == max(factors[-found.last :])
         assert found.lowest <= run.load_factor <= found.highest
-        small = small_changes(run, 2e-3)
+        small = small_changes(run, 5e-4)
         met = small.index(True) if any(small) else None
         assert (found.met_after, found.met_at) == (
             (None, None) if met is None else (met + 1, factors[met])
@@ -100,7 +100,7 @@ def test_only_five_small_changes_in_a_row_are_converged() -> None:
     """On walls that settle, that wander, and that meet the criterion on the way, at a tolerance
     which is met by chance; the bands of those that settled are no wider than the changes allow."""
     ends = set()
-    for seed in (1, 2, 7, 8):
+    for seed in (1, 2, 7, 8, 9, 10):  # which of them wander, rounding decides
         rule = FixedPoint(tolerance=2e-3, max_iterations=40)
         run = solve(random_wall(seed), "conic", rule)
         found = run.iteration

@@ -147,7 +147,8 @@ class Near(NamedTuple):
             inside = np.where(is_new, np.sqrt(product), _inside(before)[place])
             opening[:, 0] += np.maximum(inside - _inside(opening), 0.0)
             square = opening[:, 0] ** 2 - (opening[:, 1:] ** 2).sum(axis=1)
-            central = opening * [1.0, -1.0, -1.0] * (product / square)[:, None]
+            with np.errstate(divide="ignore", invalid="ignore"):  # what is no use is not used
+                central = opening * [1.0, -1.0, -1.0] * (product / square)[:, None]
             force = np.where(is_new[:, None], central, force[place])
             x = np.append(force.T.ravel(), at.x[-1])
             result.append(Point(x, duals, opening.ravel(), force.ravel()))

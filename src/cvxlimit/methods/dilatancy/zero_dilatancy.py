@@ -290,8 +290,8 @@ class _Search:
     def _walked(self, sign: float, number: int) -> Generator[None]:
         """Walks of so many pairs in all, down (``sign`` 1) or up: forces that are extreme on a
         mechanism, a mechanism of theirs, and so on, every second of both random by a little.
-        They begin at the extreme solution, at random prices, at any solution and at random prices
-        in turn, and end at a solution: from the extreme one alone, one chance find holds them.
+        They begin at the extreme solution and at random prices in turn, every fourth of the former
+        at any solution, and end at one: from the extreme one alone, a chance find holds them.
         Others that they pass are kept if they are more extreme than all before: there the lowest
         ones are found, since a mechanism's extreme forces are left again by the next step."""
         aim = self.rule.tolerance
@@ -299,7 +299,7 @@ class _Search:
         for walk in range(-(-number // _N.walk)):
             begun = self.pair.solved
             state: LimitState | None = self._extreme(sign)[1]
-            if walk % 4 == 2:
+            if walk % 8 == 6:
                 state = self.found[self.random.integers(len(self.found))][1]
             label = f"{'descent' if sign > 0.0 else 'ascent'} {walk + 1}"
             if walk % 2 == 1:
