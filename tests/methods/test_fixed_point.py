@@ -62,7 +62,7 @@ def test_signed_conic_with_the_papers_weight_on_the_tuff_wall() -> None:
     assert 0.33 < found.lowest <= found.highest < 0.35
 
 
-WANDERS = {"independent": random_wall(8), "paper": random_wall(2)}
+WANDERS = {"independent": random_wall(17), "paper": random_wall(2)}
 """Walls of some thirty contacts on which the iteration never settles under that reading."""
 
 

@@ -336,7 +336,7 @@ def _plain(value: Any) -> str:
 
 def _table(rows: Iterable[tuple[str, str]], kind: str = "facts") -> str:
     lines = "".join(
-        f"<tr><th>{_text(a, 2 * LONGEST_NAME)}</th><td>{_text(b)}</td></tr>" for a, b in rows
+        f"<tr><th>{_text(a, LONGEST_NAME)}</th><td>{_text(b)}</td></tr>" for a, b in rows
     )
     return f'<table class="{kind}">{lines}</table>' if lines else ""
 
