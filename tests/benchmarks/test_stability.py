@@ -32,6 +32,7 @@ from cvxlimit.masonry import random_wall, single_block
 from cvxlimit.readings.flow import InteractionFlow
 from cvxlimit.readings.named import MOMENTS, parse_moments
 from cvxlimit.solution import Status
+from cvxlimit.solvers import blockwise
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 from helpers import assert_certified, linear_load_factor
 
@@ -228,10 +229,10 @@ def test_brackets_beside_locked_blocks_are_proved(seed: int) -> None:
 @pytest.mark.parametrize("seed", [4, 5, 7])
 def test_brackets_around_blocks_without_weight_are_proved(seed: int) -> None:
     """No forces are strictly inside where nothing presses; contacts that carry nothing are left
-    out."""
+    out, if the solver says so to half its digits, as ours does."""
     made = sample("few-loads", seed)
     assert any(block.density == 0.0 for block in made.scene.blocks)
-    assert_certified(solve(made.scene), made.scene)
+    assert_certified(solve(made.scene), made.scene, proved=bool(blockwise()))
 
 
 @pytest.mark.parametrize("seed", [44, 66, 72, 89])

@@ -34,7 +34,7 @@ from cvxlimit.io.geometry.meshes import MESHES, read_mesh
 from cvxlimit.io.geometry.obj import read_obj
 from cvxlimit.io.geometry.off import read_off
 from cvxlimit.io.geometry.sheets import is_sheet, slab, thickness_for
-from cvxlimit.io.geometry.supports import supports_of
+from cvxlimit.io.geometry.supports import LOWEST, refuse_all_lowest, supports_of
 from cvxlimit.io.geometry.tables import read_table
 from cvxlimit.scene import METRES, Scene, Units
 from cvxlimit.scene.loads import Load
@@ -176,6 +176,8 @@ def import_geometry(
             bodies = _with_slabs(bodies, fixed, notes)
             with refusals(file_prefix(files[0]) if len(files) == 1 else ""):
                 blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
+            if supports == LOWEST:
+                refuse_all_lowest(bodies, fixed, axis)
         except InputError as error:
             if blurred:
                 error.args = (f"{blurred} ({error})",)

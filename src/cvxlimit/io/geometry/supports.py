@@ -45,6 +45,18 @@ def supports_of(
     return chosen
 
 
+def refuse_all_lowest(bodies: Sequence[Body], fixed: set[str], up: FloatArray) -> None:
+    """Walls that lie on a side have all their stones lowest; of bodies that have become blocks."""
+    heights = [body.vertices @ up for body in bodies if body.name in fixed]
+    flat = LOWEST_WITHIN * np.ptp(np.concatenate(heights))
+    if len(heights) == len(bodies) > 1 and min(float(np.ptp(h)) for h in heights) > flat:
+        axis = "xyz"[int(np.argmax(np.abs(up)))]
+        raise InputError(
+            f"all {len(bodies)} blocks are lowest along {axis}, so that none is left to move: if "
+            f"another axis points up say so (--up {'y' if axis == 'z' else 'z'}), or name supports"
+        )
+
+
 def _ids(asked: str | Sequence[str], bodies: Sequence[Body]) -> list[str]:
     names = [asked] if isinstance(asked, str) else list(asked)
     known = {body.name for body in bodies}
@@ -64,13 +76,6 @@ def _lowest(bodies: Sequence[Body], up: FloatArray, notes: list[str]) -> set[str
     chosen = [body for body, is_low in zip(bodies, lowest.tolist(), strict=True) if is_low]
     if sheets := {body.name for body in chosen if is_sheet(body)}:
         return sheets  # and not the stones that stand on them
-    deep = [float(np.ptp(h)) for h in heights if len(h)]
-    if len(chosen) == len(bodies) > 1 and min(deep) > LOWEST_WITHIN * height:
-        axis = "xyz"[int(np.argmax(np.abs(up)))]
-        raise InputError(
-            f"all {len(bodies)} blocks are lowest along {axis}, so that none is left to move: if "
-            f"another axis points up say so (--up {'y' if axis == 'z' else 'z'}), or name supports"
-        )
     carried = [body for body in bodies if body not in chosen and len(body.vertices)]
     if not (len(chosen) == 1 and carried and _is_ground(chosen[0], carried, up)):
         names = ", ".join(shown(body.name) for body in chosen[:8])
