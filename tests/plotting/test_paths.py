@@ -52,7 +52,7 @@ def test_the_curve_has_a_gap_and_a_drop_at_a_snap_and_a_bracket_at_every_configu
     ]
     assert [[c.bracket.lower, c.bracket.upper] for c in path if c.bracket] == ends
     said = figure.axes[0].get_xlabel().replace("\n", " ")
-    assert "proves the load factor of its configuration, not that the structure gets there" in said
+    assert "proves what its configuration carries, not that the structure gets there" in said
 
 
 def test_the_run_with_half_the_step_is_drawn_beside_the_path(path: Displacements) -> None:

@@ -21,7 +21,7 @@ from cvxlimit.solution.bracket import Bracket
 Flow = Literal["associated", "zero-dilatancy"]
 Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted"]
 
-PROVES = "a bracket proves the load factor of its configuration, not that the structure gets there"
+PROVES = "a bracket proves what its configuration carries, not that the structure gets there"
 """What every table and picture of a path says."""
 
 ZERO = 1e-8
@@ -156,7 +156,8 @@ class Configuration:
 class Path:
     """Load factor against displacement, configuration by configuration.
 
-    A bracket proves the load factor of its configuration, not that the structure gets there.
+    A bracket proves what its configuration carries, not that the structure gets there: where joints
+    slide, that may be a little more than the load factor of the path.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ def pushover(
     The live load's points of action are moved on step by step; blocks move exactly, contacts open,
     close and appear, and the load factor is what holds each configuration. Friction is taken at
     points, so that the first load factor differs from that of :func:`cvxlimit.solve`, which is
-    ``path.initial``. A bracket proves the load factor of its configuration, not that the structure
+    ``path.initial``. A bracket proves what its configuration carries, not that the structure
     gets there.
 
     Parameters
