@@ -22,6 +22,13 @@ ROUNDING = 1e-9
 it is 1e-13 of a contact's size for a scene a thousand times as large; what solvers leave of forces
 and rates that are zero, and two bounds that should be one, is 1e-10 to 1e-9."""
 
+SMALL = 0.01
+"""Share from which something is worth a word: of the friction angle an angle, for a contact that is
+turned by one bears as if its friction angle were more or less by that, and the load factor of a
+joint that slides moves by about as large a share; of the live power dilatancy, without which the
+load factor of the same mechanism would be less by that share (mechanisms that rock come out at 1e-6
+and less, walls that slide at 0.3 and more); of the largest compression that of a joint."""
+
 
 def read_only(value: Any) -> Any:
     if not isinstance(value, np.ndarray) or not value.flags.writeable:

@@ -6,14 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cvxlimit.base.arrays import SMALL
 from cvxlimit.geometry.contacts import Contacts
-
-SMALL = 0.01
-"""Share from which something is worth a word: of the friction angle an angle, for a contact that is
-turned by one bears as if its friction angle were more or less by that, and the load factor of a
-joint that slides moves by about as large a share; of the live power dilatancy, without which the
-load factor of the same mechanism would be less by that share (mechanisms that rock come out at 1e-6
-and less, walls that slide at 0.3 and more); of the largest compression that of a joint."""
 
 
 @dataclass(frozen=True)

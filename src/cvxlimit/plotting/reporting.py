@@ -142,7 +142,7 @@ def _structure(scene: Scene) -> Rows:
     yield "free blocks", f"{len(free)}, weight {scene.total_weight:.6g} {unit.force}"
     yield "supports", f"{len(scene.supports)}: {_names(scene.supports)}"
     size = np.ptp(np.concatenate([block.vertices for block in free]), axis=0)
-    yield "size of the free blocks", _vector(size, unit.length, " x ")
+    yield "extent of them all", _vector(size, unit.length, " x ")
     density = np.array([block.density or 0.0 for block in free])
     yield "weight per volume", f"{_range(density)} {unit.force}/{unit.length}³"
     tolerance = "one hundredth of the thinner block's mean thickness"

@@ -7,9 +7,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import SMALL, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.lumped import SMALL
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import TOLERANCE, rounded
 
@@ -126,7 +125,7 @@ class Dilatancy:
         live load is carried, and by dilatancy alone.
     sliding : tuple of str
         Names of the contacts that slide or twist in the mechanism, where ``share`` is above
-        :data:`~cvxlimit.geometry.lumped.SMALL`; else none.
+        :data:`~cvxlimit.base.arrays.SMALL`; else none.
     moving : int
         Contacts that open, slide or twist.
     safe : float
@@ -154,7 +153,7 @@ zero-dilatancy) answers without dilatancy
     @property
     def is_worth_a_word(self) -> bool:
         """True where the load factor is on the unsafe side by more than is worth a word
-        (:data:`~cvxlimit.geometry.lumped.SMALL`)."""
+        (:data:`~cvxlimit.base.arrays.SMALL`)."""
         return self.share > SMALL
 
     @property

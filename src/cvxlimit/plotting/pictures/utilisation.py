@@ -7,8 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
-from cvxlimit.geometry.lumped import SMALL
+from cvxlimit.base.arrays import SMALL, FloatArray
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest
 from cvxlimit.plotting.look import USE_STOPS, USE_TEXT, used_colour
