@@ -143,7 +143,7 @@ def test_hulls_with_disjuncts_of_all_kinds(name: str, moments: str, price: float
         reading.disjuncts_at(contacts, every, centre, boxes),
         reading.safe_disjuncts(contacts, centre, 0.1),
     )
-    own = problem.program(problem.joined(disjuncts, price), price)
+    own = problem.program(problem.columns(disjuncts, price), price)
     goal = problem.stated(disjuncts, into := Constraints(), price)
     assert_same(own, by_cvxpy(cp.Problem(cp.Maximize(goal), into.all), into.unknowns))
 

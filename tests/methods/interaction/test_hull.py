@@ -501,7 +501,7 @@ def test_pieces_make_up_the_whole(moments: str) -> None:
     whole = problem.solve(disjuncts, rung)
     assert whole.load_factor is not None
     for unit in (None, disjuncts.contact, np.arange(len(disjuncts))):
-        pieces = problem.pieces(disjuncts, unit)
+        pieces = problem.column_blocks(disjuncts, unit)
         order = rng.permutation(len(pieces))
         state = problem.solve([pieces[k] for k in order], rung)
         assert state.forces is not None
@@ -518,20 +518,20 @@ def test_a_problem_starts_where_it_was_halfway(moments: str, price: float | None
     cut in another way, too."""
     scene, rng, rung = random_wall(11), np.random.default_rng(4), settings_for("BLOCKWISE", 1e-8)
     problem, disjuncts = HullProblem(scene), parse_moments(moments).box_disjuncts(scene.contacts)
-    pieces = problem.pieces(disjuncts, disjuncts.contact)
+    pieces = problem.column_blocks(disjuncts, disjuncts.contact)
     halfway = problem.solve(pieces, rung, price).halfway
     assert halfway is not None
     for other in (
         pieces,
         [pieces[k] for k in rng.permutation(len(pieces))],
-        problem.pieces(disjuncts),
+        problem.column_blocks(disjuncts),
     ):
-        joined = problem.joined(other, price)
+        joined = problem.columns(other, price)
         start, point = joined.start(halfway), halfway.point
         for found, given in ((start.x, point.x), (start.z, point.z), (start.s, point.s)):
             assert np.array_equal(np.sort(found), np.sort(given))
         matrix = problem.program(joined, price).matrix
-        own = problem.program(problem.joined(pieces, price), price).matrix
+        own = problem.program(problem.columns(pieces, price), price).matrix
         sides = np.zeros(len(problem.dead))
         before, after = (
             a.T @ np.concatenate([sides, z]) for a, z in ((own, point.z), (matrix, start.z))

@@ -71,7 +71,7 @@ def test_rules_that_are_asked_together_say_what_each_says(contacts: Contacts, mo
     every = [rng.normal(size=(n, 6)) for _ in boxes]
     opening = rng.normal(size=(n, 6))
     rules = [whole.within(each) for each in boxes]
-    whole.together(rules, every, opening)
+    whole.ask_together(rules, every, opening)
     for rule, each, rates in zip(rules, boxes, every, strict=True):
         alone = InteractionFlow(contacts, MOMENTS[moments]).within(each)
         step = 2e-8 * powers(rates, contacts)

@@ -147,7 +147,7 @@ class Relaxer:
         field = self.certifier.witnesses.opening_field
         if len(asked) > 1:
             opening = None if field is None else self.statics.relative_rates(field)
-            self.flow.together(list(asked), list(asked.values()), opening)
+            self.flow.ask_together(list(asked), list(asked.values()), opening)
 
     def _add(self, parts: Sequence[_Part]) -> None:
         """Give the parts' nodes the disjuncts that they miss."""
@@ -156,7 +156,7 @@ class Relaxer:
             return
         part_of = np.repeat(np.arange(len(parts)), [len(part.missed) for part in parts])
         groups, unit = np.unique([part_of, missed.contact], axis=1, return_inverse=True)
-        pieces = self.problem.pieces(missed, unit)
+        pieces = self.problem.column_blocks(missed, unit)
         for number, piece in zip(groups[0].tolist(), pieces, strict=True):
             node = parts[number].node
             parts[number].node = replace(node, added=(*node.added, piece))
@@ -172,7 +172,7 @@ class Relaxer:
             boxes = np.frombuffer(b"".join(ends for _, ends in new)).reshape(-1, 2, 2)
             disjuncts = self.moments.box_disjuncts(self.contacts.take(rows), boxes)
             unit = disjuncts.contact
-            found = self.problem.pieces(replace(disjuncts, contact=rows[unit]), unit, new)
+            found = self.problem.column_blocks(replace(disjuncts, contact=rows[unit]), unit, new)
             self._pieces.update(zip(new, found, strict=True))
         return [[self._pieces[key] for key in each] for each in keys]
 

@@ -114,7 +114,7 @@ class _Tightening:
             new = priced_disjuncts(flow, certifier, rates / power, worth).without(np.array([j]))
         self._is_missing = len(new) > 0
         if self._is_missing:
-            added = (*node.added, *relaxer.problem.pieces(new, new.contact))
+            added = (*node.added, *relaxer.problem.column_blocks(new, new.contact))
             self.node = replace(node, added=added)
         return False
 
@@ -136,8 +136,8 @@ class Reach:
         into.nonneg(share)
         into.nonneg(factor - least / problem.scaling.load_factor(1.0) * share)
         load = LoadBlock.of(into, 0.0 * factor)
-        pieces = problem.pieces(disjuncts) if isinstance(disjuncts, Disjuncts) else disjuncts
-        joined = Columns([load.piece, *pieces], len(problem.dead))
+        pieces = problem.column_blocks(disjuncts) if isinstance(disjuncts, Disjuncts) else disjuncts
+        joined = Columns([load.block, *pieces], len(problem.dead))
         self.plain = load.program(joined)
         self.resultant_map = sp.csr_array(
             stacked([joined.forces()], (problem.matrix.shape[1], joined.columns))

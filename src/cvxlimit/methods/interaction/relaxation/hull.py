@@ -1,16 +1,25 @@
-"""Limit problems over disjuncts of contacts: the convex hull of every contact's states.
+"""The relaxed limit problem: every contact's states are replaced by their convex hull.
 
-Disjuncts are stated to a sink, as all problems are, and the rows are cut into pieces: one writing
-serves the relaxations of a whole run and the thousands of small problems of branch and bound, which
-have other rows and columns from one to the next, so that there is nothing for Parameters to patch.
-The formulas are those of :mod:`~cvxlimit.readings.states.disjuncts`.
+With torsion-shear-bending interaction (Eq. 26-30) the admissible forces of a contact are a cone for
+every fixed pressure centre e, but not their union over e. The convex hull of the union is the sum
+of finitely many *disjuncts* k, parts X_k of the contact's force X with a pressure centre of their
+own, so that the relaxation is one second-order cone program, whose load factor no admissible forces
+exceed:
+
+    max alpha   subject to   A X + f_dead + alpha f_live = 0,   X = sum over k of X_k,
+                             X_k in the cone of disjunct k (:func:`state_disjuncts`).
+
+The problem is stated to a sink, as all problems are. Branch and bound solves thousands of them,
+which differ in the disjuncts of a contact or two: there is nothing for Parameters to patch, and so
+the rows of a statement are cut into blocks of columns
+(:mod:`~cvxlimit.methods.interaction.relaxation.column_blocks`) that problems share.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,15 +48,30 @@ from cvxlimit.surfaces.coulomb import Rocking
 
 @dataclass(frozen=True, eq=False)
 class HullState(LimitState):
-    """An answer, and a point on the way to it where the solver gave one."""
+    """The answer of a relaxation. ``halfway`` is a point on the solver's way to it, from which a
+    similar problem may start; None where the solver gave none."""
 
     halfway: Halfway | None = None
 
 
 class HullProblem:
-    """Limit problems over disjuncts of one scene's contacts; equilibrium is kept from one to the
-    next. With a ``half`` of a symmetric scene problems are restricted to it; answers are of the
-    whole.
+    """The relaxations of one scene, which differ in their disjuncts and share equilibrium.
+
+    With the ``half`` of a symmetric scene the problems are those of that half; their answers are
+    given for the whole scene.
+
+    Attributes
+    ----------
+    matrix : (equations, 6 m) sparse array
+        A: equilibrium of the m contacts that the problem has, six force components each.
+    dead, live : (equations,) arrays
+        f_dead and f_live. As ``matrix`` they are scaled; ``scaling`` goes back.
+    contacts : Contacts
+        All n contacts of the scene, scaled.
+    number : (n,) array of int
+        The place of each contact among those m.
+    extent : (n, 2) array
+        Half sides of the contacts, of which pressure centres are fractions.
     """
 
     def __init__(self, scene: Scene | Assemblage, half: SymmetricHalf | None = None) -> None:
@@ -56,7 +80,8 @@ class HullProblem:
         reduction = whole if half is None else half.reduction(whole)
         plain = LimitProblem(self.assemblage, (Rocking(),), reduction=reduction)
         self.scaling, self.equilibrium = self.assemblage.scaling, plain.equilibrium
-        # all components of a contact together, where the formulation has one of all contacts
+        # The formulation has one component of all contacts after the other; here all components of
+        # a contact stand together.
         order = np.arange(self.equilibrium.matrix.shape[1]).reshape(len(COMPONENTS), -1).T.ravel()
         self.matrix = self.equilibrium.matrix.tocsc()[:, order]
         self.dead, self.live = map(self.equilibrium.of_load, plain.loads)
@@ -64,7 +89,7 @@ class HullProblem:
         self.extent, self.number = half_extent(self.contacts), np.arange(len(self.contacts))
         if half is not None:
             self.number = np.searchsorted(half.kept, self.number)
-        self._loads: dict[float | None, LoadBlock] = {}
+        self._load_blocks: dict[float | None, LoadBlock] = {}
         self._last: tuple[tuple[object, ...], Columns, ConeProgram] | None = None
 
     def solve(
@@ -75,22 +100,29 @@ class HullProblem:
         start: Halfway | None = None,
         enough: float = -np.inf,
     ) -> HullState:
-        """One run of one solver; never raises for what the solver does. Any share of the dead load
-        may be taken off at ``relief_price``. Our own solver begins at the ``start``, and ends where
-        the load factor is below ``enough`` for certain."""
+        """Solves the relaxation with one solver, whose failure is in the answer's outcome and
+        raises nothing.
+
+        With a ``relief_price`` any share r of the dead load may be taken off at that price, which
+        is subtracted from the load factor: such a problem has a solution whatever the disjuncts.
+        Our own solver begins at ``start``, and stops where it has proved that the load factor is
+        below ``enough``.
+        """
+        # The next solver of a ladder is asked for the same problem, which is put together once.
         asked = relief_price, *([disjuncts] if isinstance(disjuncts, Disjuncts) else disjuncts)
-        if self._last is None or self._last[0] != asked:  # else another solver on the same problem
-            joined = self.joined(disjuncts, relief_price)
-            self._last = asked, joined, self.program(joined, relief_price)
-        _, joined, program = self._last
+        if self._last is None or self._last[0] != asked:
+            columns = self.columns(disjuncts, relief_price)
+            self._last = asked, columns, self.program(columns, relief_price)
+        _, columns, program = self._last
         program = replace(program, enough=-enough / self.scaling.load_factor(1.0))
-        cache: dict[str, Any] = {"starts": [] if start is None else [joined.start(start)]}
+        cache: dict[str, Any] = {"starts": [] if start is None else [columns.start(start)]}
         outcome, x, y = program.solve(settings or default_ladder()[0], cache, is_warm=False)
         if x is None or y is None:
             return HullState(outcome, None, None, None)
-        rows, columns, values = joined.forces()
+        # Contact forces are the sums over disjuncts, and those of the other half mirror these.
+        rows, unknowns, values = columns.forces()
         size = self.matrix.shape[1]
-        forces = np.asarray(np.bincount(rows, values * x[columns], size), dtype=float)
+        forces = np.asarray(np.bincount(rows, values * x[unknowns], size), dtype=float)
         if self.half is not None:
             forces = self.half.forces @ forces
         middle = cache.get("middle")
@@ -99,63 +131,74 @@ class HullProblem:
             self.scaling.load_factor(float(x[0])),
             self.scaling.forces(forces.reshape(-1, len(COMPONENTS))),
             self.equilibrium.mechanism(y),
-            halfway=None if middle is None else Halfway(joined.members, middle),
+            halfway=None if middle is None else Halfway(columns.members, middle),
         )
 
-    def pieces(
+    def stated(
+        self, disjuncts: Disjuncts, into: Constraints | Rows, relief_price: float | None = None
+    ) -> Any:
+        """States the whole problem to a sink, and returns what is to be maximised."""
+        load, goal = self._stated_load(into, relief_price)
+        forces = state_disjuncts(self, disjuncts, into).forces
+        into.zero(self.matrix @ forces + (load + self.dead))
+        return goal
+
+    def column_blocks(
         self, disjuncts: Disjuncts, unit: IntArray | None = None, keys: Sequence[Key] | None = None
     ) -> list[ColumnBlock]:
-        """A piece for each unit of disjuncts, by the number of their units (k,); one for all of
-        them if these are not said. Units without disjuncts have ``keys`` to say whose they are."""
+        """Returns the columns of disjuncts, and the rows that are theirs alone, as one block for
+        each of the units to which ``unit`` (k,) assigns the disjuncts; as a single block without.
+
+        Blocks are known by their keys. ``keys`` are those of the units 0, 1, ...; without them,
+        keys are made of the names of the disjuncts, and units that have none get no block.
+        """
+        # The disjuncts of the half that is left, and the units that these have.
         unit = np.zeros(len(disjuncts), dtype=int) if unit is None else unit
         if self.half is not None:
             kept = ~np.isin(disjuncts.contact, self.half.dropped)
             disjuncts, unit = disjuncts.take(kept), unit[kept]
         if keys is None:
             _, unit = np.unique(unit, return_inverse=True)
+        # All of them are stated at once, for calls of NumPy cost more than what they compute.
         into = Rows()
-        given = DisjunctForces(self, disjuncts, into)
+        given = state_disjuncts(self, disjuncts, into)
         into.zero(self.matrix @ given.forces)
+        # The key of a unit: its first disjunct's contact, and the names of all.
         if keys is None:
             order = np.argsort(unit, kind="stable")
             starts = np.searchsorted(unit[order], np.unique(unit))
-            parts = [part.tolist() for part in np.split(order, starts[1:])]
+            units = [each.tolist() for each in np.split(order, starts[1:])]
             names, contact = disjuncts.names, disjuncts.contact
-            keys = [(int(contact[k[0]]), b"".join([names[i] for i in k])) for k in parts if k]
-        kinds, forces = (given.column_of, given.row_of, [given.shears]), given.forces
-        entries = forces.row, forces.column, forces.value
-        return cut(keys, unit, disjuncts.names, kinds, into, entries)
+            keys = [(int(contact[k[0]]), b"".join([names[i] for i in k])) for k in units if k]
+        owners = given.of_unknowns, given.of_limits, given.of_cones
+        entries = given.forces.row, given.forces.column, given.forces.value
+        return cut(keys, unit, disjuncts.names, owners, into, entries)
 
-    def stated(
-        self, disjuncts: Disjuncts, into: Constraints | Rows, relief_price: float | None = None
-    ) -> Any:
-        """The problem, stated to a sink; what is maximised."""
-        load, goal = self._load(into, relief_price)
-        into.zero(self.matrix @ DisjunctForces(self, disjuncts, into).forces + (load + self.dead))
-        return goal
-
-    def joined(
+    def columns(
         self, disjuncts: Disjuncts | Sequence[ColumnBlock], relief_price: float | None = None
     ) -> Columns:
-        """Their columns; the load factor is the first one, the relief the second."""
-        pieces = self.pieces(disjuncts) if isinstance(disjuncts, Disjuncts) else disjuncts
-        return Columns([self.load(relief_price).piece, *pieces], len(self.dead))
+        """Returns all columns of the problem: the load factor's, the relief's if there is one,
+        and those of the disjuncts."""
+        blocks = self.column_blocks(disjuncts) if isinstance(disjuncts, Disjuncts) else disjuncts
+        return Columns([self._load_block(relief_price).block, *blocks], len(self.dead))
 
-    def program(self, joined: Columns, relief_price: float | None = None) -> ConeProgram:
-        return self.load(relief_price).program(joined)
+    def program(self, columns: Columns, relief_price: float | None = None) -> ConeProgram:
+        """Returns the cone program of these columns."""
+        return self._load_block(relief_price).program(columns)
 
-    def load(self, relief_price: float | None) -> LoadBlock:
-        """The columns of the load factor, and of a relief, and their rows."""
-        if relief_price not in self._loads:
+    def _load_block(self, relief_price: float | None) -> LoadBlock:
+        """Returns the block of the load, stated once for each price."""
+        if relief_price not in self._load_blocks:
             into = Rows()
-            load, goal = self._load(into, relief_price)
+            load, goal = self._stated_load(into, relief_price)
             into.zero(load + self.dead)
-            self._loads[relief_price] = LoadBlock.of(into, goal)
-        return self._loads[relief_price]
+            self._load_blocks[relief_price] = LoadBlock.of(into, goal)
+        return self._load_blocks[relief_price]
 
-    def _load(self, into: Constraints | Rows, relief_price: float | None) -> tuple[Any, Any]:
-        """The load on the equations but for what is dead, and what is maximised: the load factor,
-        less the price of a relief from 0 to 1."""
+    def _stated_load(self, into: Constraints | Rows, relief_price: float | None) -> tuple[Any, Any]:
+        """States the load to a sink. Returns what stands beside f_dead in the equations,
+        alpha f_live - r f_dead with 0 <= r <= 1, and what is maximised, alpha less the price of
+        r."""
         factor = into.new()
         load = times(self.live, factor)
         if relief_price is None:
@@ -169,152 +212,167 @@ class HullProblem:
 
 @dataclass(frozen=True, eq=False)
 class LoadBlock:
-    """What no disjuncts have a part in: a piece that comes first, its cost and right-hand side."""
+    """The part of a problem that no disjunct has: the columns of the load factor and of the relief
+    as the first ``block``, their ``cost``, and the ``right``-hand sides of equilibrium and of the
+    relief's limits."""
 
-    piece: ColumnBlock
+    block: ColumnBlock
     cost: FloatArray
     right: FloatArray
 
     @classmethod
     def of(cls, stated: Rows, goal: Form) -> LoadBlock:
-        """Makes the block of one or two unknowns, and limits of the second."""
-        every, none = np.arange(stated.width), np.zeros(0, dtype=int)
-        lines = [np.ones(form.size, dtype=int) for form in stated.linear] or [none]
+        """Makes the block of a statement of one or two unknowns, the load factor and a relief."""
+        unknowns, none = np.arange(stated.width), np.zeros(0, dtype=int)
+        limits = [np.ones(form.size, dtype=int) for form in stated.linear] or [none]
         key, names = b"load" * stated.width, [b"load", b"relief"][: stated.width]
-        given = [every], lines, [none]
-        (piece,) = cut([(-1, key)], 0 * every, names, given, stated, (none, none, np.zeros(0)))
+        owners, no_forces = ([unknowns], limits, [none]), (none, none, np.zeros(0))
+        (block,) = cut([(-1, key)], 0 * unknowns, names, owners, stated, no_forces)
         program = stated.written(goal).program
-        return cls(piece, program.cost, program.right)
+        return cls(block, program.cost, program.right)
 
-    def program(self, joined: Columns) -> ConeProgram:
-        """Returns the program of all pieces, of which this is the first."""
-        cost, right = np.zeros(joined.columns), np.zeros(joined.lines + 3 * joined.cones)
+    def program(self, columns: Columns) -> ConeProgram:
+        """Returns the program of columns of which these are the first. Cost and right-hand sides
+        are zero beyond this block, since disjuncts are cones."""
+        equations = columns.equations
+        cost, right = np.zeros(columns.columns), np.zeros(columns.lines + 3 * columns.cones)
         cost[: len(self.cost)] = self.cost
-        equations = joined.equations
         right[: len(self.right) - equations] = self.right[equations:]
         right = np.concatenate([self.right[:equations], right])
-        sizes = equations, joined.lines, (3,) * joined.cones
-        return ConeProgram(cost, joined.matrix(), right, *sizes)
+        sizes = equations, columns.lines, (3,) * columns.cones
+        return ConeProgram(cost, columns.matrix(), right, *sizes)
 
 
-class DisjunctForces:
-    """Disjuncts, stated to a sink; ``forces`` are those of contacts (6 n,).
+class StatedDisjuncts(NamedTuple):
+    """What :func:`state_disjuncts` has stated to a sink.
 
-    Unknowns are per disjunct N, V1, V2 (where it shears), tau (where its arm is not zero), bounds
-    on abs(V1) and abs(V2) (where they drag on torsion), a torsion of its own (where Eq. 27 limits
-    it), and its share of what of M2, M1 and MT is free within bounds. No row has unknowns of two
-    disjuncts, so that solvers which eliminate by blocks have small ones. ``column_of`` and
-    ``row_of`` say of which disjuncts unknowns and limits are, in the order in which they were
-    stated, cones apart.
+    ``forces`` (6 m,) are the forces of the contacts as forms of the unknowns. The others say which
+    disjuncts unknowns, linear limits and cones belong to, in the order in which they were stated.
     """
 
-    def __init__(
-        self, problem: HullProblem, disjuncts: Disjuncts, into: Constraints | Rows
-    ) -> None:
-        self.disjuncts, self.into = disjuncts, into
-        self.number, self.size = problem.number[disjuncts.contact], problem.matrix.shape[1]
-        self.half = problem.extent[disjuncts.contact]
-        self.arm = disjunct_arms(disjuncts, problem.contacts)
-        self.friction = problem.contacts.friction[disjuncts.contact]
-        self.along = sheared(disjuncts, self.arm)
-        self.shears = np.flatnonzero(self.along.any(axis=1))
-        self.twists = np.flatnonzero(self.arm > 0.0)
-        self.column_of: list[IntArray] = []
-        self.row_of: list[IntArray] = []
-        self._given: list[tuple[str, IntArray, Any, FloatArray | float]] = []
-        self._add_compression()
-        self._add_shear()
-        self._add_torsion()
-        self._add_friction()
+    forces: Any
+    of_unknowns: list[IntArray]
+    of_limits: list[IntArray]
+    of_cones: list[IntArray]
 
-    @property
-    def forces(self) -> Any:
-        """Sums over disjuncts."""
-        components, disjuncts, forms, weights = zip(*self._given, strict=True)
-        start = len(COMPONENTS) * self.number
-        at = [start[k] + COLUMN[c] for c, k in zip(components, disjuncts, strict=True)]
-        each = [np.full(len(k), w) for w, k in zip(weights, disjuncts, strict=True)]
-        return gathered(stacked(forms), np.concatenate(at), self.size, np.concatenate(each))
 
-    def _add_compression(self) -> None:
-        disjuncts, every = self.disjuncts, np.arange(len(self.disjuncts))
-        self.pressed = self._new(every)
-        e1, e2 = (self.half * disjuncts.centre).T
-        for component, value in (("N", 1.0), ("M1", e2), ("M2", -e1)):
-            self._give(component, every, self.pressed, value)
-        idle = np.ones(len(every), dtype=bool)
-        idle[self.shears] = self.friction[self.shears] <= 0.0  # elsewhere its cone says N >= 0
-        self._nonneg(every[idle], self.pressed[idle])
-        for axis, moment in enumerate(("M2", "M1")):
-            reach = (self.half * disjuncts.spread)[:, axis]
-            k = np.flatnonzero(reach > 0.0)
-            self._add_bounded(moment, k, times(reach[k], self.pressed[k]))
+def state_disjuncts(
+    problem: HullProblem, disjuncts: Disjuncts, into: Constraints | Rows
+) -> StatedDisjuncts:
+    """States the cones of disjuncts to a sink.
 
-    def _add_shear(self) -> None:
-        k, signed = self.shears, self.disjuncts.signed[:, None]
-        self.about = np.where(signed, self.half * self.disjuncts.lever, 0.0)[k]
-        self.shear = self._new(k), self._new(k)
-        # Without an arm Eq. 27 leaves shear along the lever only; two rows that say so would leave
-        # solvers no interior.
-        size = np.hypot(self.about[:, 0], self.about[:, 1])
-        is_led = self.disjuncts.limited[k] & (self.arm[k] <= 0.0) & (size > 0.0)
-        ahead = self.about / np.where(size > 0.0, size, 1.0)[:, None]
-        first, second = np.where(is_led[:, None], ahead, self.along[k]).T
-        self.about[is_led] = 0.0
-        self._give("V1", k, self.shear[0], first)
-        self._give("V2", k, self.shear[0], np.where(is_led, second, 0.0))
-        self._give("V2", k, self.shear[1], np.where(is_led, 0.0, second))
-        self._give("MT", k, self.shear[0], -self.about[:, 1])
-        self._give("MT", k, self.shear[1], self.about[:, 0])
+    A disjunct has the pressure centre e, the spread s by which its centre may be off, the arm c of
+    Eq. 26, and the lever d about which torsion is taken; friction is mu. Its unknowns are N, V1,
+    V2, torsion's share tau of friction, the parts m1, m2 and t of moments that are free within
+    bounds, and a1 >= abs(V1), a2 >= abs(V2):
 
-    def _add_torsion(self) -> None:
-        self.tau = self._new(self.twists)
-        self._nonneg(self.twists, self.tau)
-        most, own = times(self.arm[self.twists], self.tau), self.disjuncts.limited[self.twists]
-        self._add_bounded("MT", self.twists[~own], most[~own])
-        # Eq. 27: torsion of their own for limited disjuncts, which with what their shear does about
-        # the contact's centre is at most c mu N
-        limited = np.flatnonzero((self.disjuncts.limited & (self.arm > 0.0))[self.shears])
-        k, (about1, about2) = self.shears[limited], self.about[limited].T
-        part = self._add_bounded("MT", self.twists[own], most[own])
-        turned = times(about1, self.shear[1][limited]) - times(about2, self.shear[0][limited])
-        turned = turned + gathered(part, np.searchsorted(k, self.twists[own]), len(k))
-        self._within(k, turned, times(self.arm[k] * self.friction[k], self.pressed[k]))
+        M1 = e2 N + m1,  abs(m1) <= s2 N,      M2 = -e1 N + m2,  abs(m2) <= s1 N,
+        MT = d1 V2 - d2 V1 + t,  abs(t) <= c tau,                             (Eq. 30)
+        abs(V) + (eps2 a1 + eps1 a2) / c + tau <= mu N,   tau >= 0,   N >= 0,
+        abs(MT) <= c mu N  where the disjunct is ``limited``                    (Eq. 27)
 
-    def _add_friction(self) -> None:
-        k, disjuncts = self.shears, self.disjuncts
-        rest = times(self.friction[k], self.pressed[k])
-        rest = rest - gathered(self.tau, np.searchsorted(k, self.twists), len(k))
-        for axis in (0, 1):
-            fixed = np.where(disjuncts.signed[k], 0.0, np.abs(disjuncts.centre[k, 1 - axis]))
-            eps = self.half[k, 1 - axis] * (fixed + disjuncts.spread[k, 1 - axis])
-            weight = eps / np.where(self.arm[k] > 0.0, self.arm[k], 1.0)
-            rows = np.flatnonzero(weight > 0.0)
-            size = self._new(k[rows])
-            self._within(k[rows], self.shear[axis][rows], size)
-            rest = rest - gathered(size, rows, len(k), weight[rows])
-        if len(k):
-            self.into.cone(rest, self.shear)
+    with eps = s, and eps = abs(e) + s and d = 0 where torsion has every sign on its own. Unknowns
+    that would be zero are left out. No row has unknowns of two disjuncts, so that solvers which
+    eliminate by blocks have small ones.
+    """
+    friction = problem.contacts.friction[disjuncts.contact]
+    half_sides = problem.extent[disjuncts.contact]
+    arm = disjunct_arms(disjuncts, problem.contacts)
+    along = sheared(disjuncts, arm)
+    every = np.arange(len(disjuncts))
+    shears, twists = np.flatnonzero(along.any(axis=1)), np.flatnonzero(arm > 0.0)
+    is_signed = disjuncts.signed
+    of_unknowns, of_limits = list[IntArray](), list[IntArray]()
+    contributions = list[tuple[str, IntArray, Any, FloatArray | float]]()
 
-    def _add_bounded(self, component: str, k: IntArray, most: Any) -> Any:
-        """A part of a force component of its own for disjuncts k, at most so large."""
-        part = self._new(k)
-        self._give(component, k, part, 1.0)
-        self._within(k, part, most)
+    def new(k: IntArray) -> Any:
+        of_unknowns.append(k)
+        return into.new(len(k))
+
+    def nonneg(k: IntArray, form: Any) -> None:
+        of_limits.append(k)
+        into.nonneg(form)
+
+    def within(k: IntArray, form: Any, most: Any) -> None:
+        nonneg(k, most - form)
+        nonneg(k, most + form)
+
+    def contribute(component: str, k: IntArray, form: Any, weight: FloatArray | float) -> None:
+        """Adds weight times the form to a force component of the contacts of disjuncts k."""
+        contributions.append((component, k, form, weight))
+
+    def free_part(component: str, k: IntArray, most: Any) -> Any:
+        """Adds an unknown of its own to a force component, of a size of ``most`` at most."""
+        part = new(k)
+        contribute(component, k, part, 1.0)
+        within(k, part, most)
         return part
 
-    def _within(self, k: IntArray, form: Any, most: Any) -> None:
-        self._nonneg(k, most - form)
-        self._nonneg(k, most + form)
+    # Compression N at e, and bending m1, m2 within the spread. N >= 0 is a row only where no
+    # friction cone says so.
+    compression = new(every)
+    e1, e2 = (half_sides * disjuncts.centre).T
+    for component, place in (("N", 1.0), ("M1", e2), ("M2", -e1)):
+        contribute(component, every, compression, place)
+    is_loose = np.ones(len(every), dtype=bool)
+    is_loose[shears] = friction[shears] <= 0.0
+    nonneg(every[is_loose], compression[is_loose])
+    for axis, moment in enumerate(("M2", "M1")):
+        reach = (half_sides * disjuncts.spread)[:, axis]
+        k = np.flatnonzero(reach > 0.0)
+        free_part(moment, k, times(reach[k], compression[k]))
 
-    def _new(self, k: IntArray) -> Any:
-        """Unknowns of the disjuncts k."""
-        self.column_of.append(k)
-        return self.into.new(len(k))
+    # Shear V, and its torsion about the lever. Without an arm Eq. 27 leaves shear along the lever
+    # only: that is one unknown in this direction, for two rows that say so would leave solvers no
+    # interior.
+    k = shears
+    lever = np.where(is_signed[:, None], half_sides * disjuncts.lever, 0.0)[k]
+    length = np.hypot(lever[:, 0], lever[:, 1])
+    is_led = disjuncts.limited[k] & (arm[k] <= 0.0) & (length > 0.0)
+    direction = lever / np.where(length > 0.0, length, 1.0)[:, None]
+    first, second = np.where(is_led[:, None], direction, along[k]).T
+    lever[is_led] = 0.0
+    shear = new(k), new(k)
+    contribute("V1", k, shear[0], first)
+    contribute("V2", k, shear[0], np.where(is_led, second, 0.0))
+    contribute("V2", k, shear[1], np.where(is_led, 0.0, second))
+    contribute("MT", k, shear[0], -lever[:, 1])
+    contribute("MT", k, shear[1], lever[:, 0])
 
-    def _nonneg(self, k: IntArray, form: Any) -> None:
-        self.row_of.append(k)
-        self.into.nonneg(form)
+    # Torsion t beside that of shear, at most c tau.
+    tau = new(twists)
+    nonneg(twists, tau)
+    most, is_limited = times(arm[twists], tau), disjuncts.limited[twists]
+    free_part("MT", twists[~is_limited], most[~is_limited])
 
-    def _give(self, component: str, k: IntArray, form: Any, value: FloatArray | float) -> None:
-        self._given.append((component, k, form, value))
+    # Eq. 27: with what shear does about the lever it is at most c mu N.
+    limited = np.flatnonzero((disjuncts.limited & (arm > 0.0))[shears])
+    k, (d1, d2) = shears[limited], lever[limited].T
+    part = free_part("MT", twists[is_limited], most[is_limited])
+    torsion = times(d1, shear[1][limited]) - times(d2, shear[0][limited])
+    torsion = torsion + gathered(part, np.searchsorted(k, twists[is_limited]), len(k))
+    within(k, torsion, times(arm[k] * friction[k], compression[k]))
+
+    # Friction: what tau and the eccentricities leave of mu N is a bound on the resultant of shear.
+    k = shears
+    rest = times(friction[k], compression[k]) - gathered(tau, np.searchsorted(k, twists), len(k))
+    for axis in (0, 1):
+        fixed = np.where(is_signed[k], 0.0, np.abs(disjuncts.centre[k, 1 - axis]))
+        eps = half_sides[k, 1 - axis] * (fixed + disjuncts.spread[k, 1 - axis])
+        weight = eps / np.where(arm[k] > 0.0, arm[k], 1.0)
+        rows = np.flatnonzero(weight > 0.0)
+        size = new(k[rows])
+        within(k[rows], shear[axis][rows], size)
+        rest = rest - gathered(size, rows, len(k), weight[rows])
+    if len(k):
+        into.cone(rest, shear)
+
+    # The forces of contacts: sums over all contributions.
+    components, owners, forms, weights = zip(*contributions, strict=True)
+    first_row = len(COMPONENTS) * problem.number[disjuncts.contact]
+    rows = np.concatenate(
+        [first_row[k] + COLUMN[c] for c, k in zip(components, owners, strict=True)]
+    )
+    values = [np.full(len(k), w) for w, k in zip(weights, owners, strict=True)]
+    forces = gathered(stacked(forms), rows, problem.matrix.shape[1], np.concatenate(values))
+    return StatedDisjuncts(forces, of_unknowns, of_limits, [shears])

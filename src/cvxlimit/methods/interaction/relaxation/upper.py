@@ -78,7 +78,7 @@ class UpperBound:
             self.flow = InteractionFlow(run.contacts, run.moments, is_coarse=True)
             self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
             self.problem = HullProblem(run.assemblage, half)
-            self.pieces = self.problem.pieces(run.moments.box_disjuncts(run.contacts))
+            self.pieces = self.problem.column_blocks(run.moments.box_disjuncts(run.contacts))
         self.state: LimitState | None = None
         self._beside, self.claims_no_optimum = BRACKET.beside, False
 
@@ -122,7 +122,7 @@ class UpperBound:
             worth = BRACKET.worth_a_disjunct * tolerance * self._unit
             new = priced_disjuncts(self.flow, self.certifier, state.mechanism, worth, self._beside)
         run.note(state, settings, **run.bounds, flow_violation=known(bound.flow_violation))
-        self.pieces += self.problem.pieces(new)
+        self.pieces += self.problem.column_blocks(new)
         self._beside *= BRACKET.beside
         return len(new) > 0
 
