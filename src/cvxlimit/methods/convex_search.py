@@ -414,8 +414,7 @@ class ConvexSearch:
 
         solvers = self.ladder
         if solvers[0].name == "BLOCKWISE" and not run.ladder and self.certifier.strength.is_cone:
-            others = (each for each in solvers if each.name != "BLOCKWISE")
-            solvers = (settings_for("BLOCKWISE", _N.loose), *others)
+            solvers = (settings_for("BLOCKWISE", _N.loose), *solvers)
         for settings in solvers[:SOLVERS_ASIDE]:
             state = run.solve(partial(problem.run, has_rows=has_rows), settings)
             run.note(replace(state, load_factor=None), f"{settings}, {what}")
