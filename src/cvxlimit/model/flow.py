@@ -86,10 +86,7 @@ class _Forms:
         self.contact = np.concatenate(
             [every[:0], *(every if at is None else at for _, at in forms)]
         )
-
-    @cached_property
-    def transposed(self) -> sp.csc_array:
-        return self.matrix.T
+        self.transposed: sp.csc_array = self.matrix.T
 
 
 class StrengthRows:
@@ -170,12 +167,6 @@ class FlowRule(StrengthRows):
         self._is_unique = not is_open and self.norms.size <= len(self._free)
         self._nothing = np.zeros(self.norms.size), np.zeros(self.resistance.size)
 
-    @cached_property
-    def _loose(self) -> sp.csr_array:
-        """Norm rows that are not coupled, on the free rates."""
-        rows = self.norms.matrix[:, self._free]
-        return rows.multiply(~self._is_coupled[:, None]).tocsr() if self._is_coupled.any() else rows
-
     def symbolic(self, rates: cp.Expression, unit: FloatArray | None = None) -> SymbolicFlow:
         """States for CVXPY what allows ``rates`` (p,) of the internal forces, and their
         dissipation, which ``unit`` (n,) divides contact by contact."""
@@ -226,13 +217,13 @@ class FlowRule(StrengthRows):
         rest, held = rates, np.where(self._is_coupled, flows, 0.0)
         if multipliers.any():
             rest = rest - resistance.transposed @ np.where(self._is_linear, multipliers, 0.0)
-        idle, solve = self._normal
+        loose, idle, solve = self._loose
         target = rest
         if held.any():
             target = rest + norms.transposed @ held
             target = target - resistance.transposed @ self._multipliers(held)
-        target = -target[self._free] - self._loose.T @ flows
-        flows = flows + self._loose @ np.where(idle, 0.0, solve(target))
+        target = -target[self._free] - loose.T @ flows
+        flows = flows + loose @ np.where(idle, 0.0, solve(target))
         least = self._multipliers(flows)
         rest = rest - (resistance.transposed @ least - norms.transposed @ flows)
         multipliers = least + multipliers
@@ -254,13 +245,17 @@ class FlowRule(StrengthRows):
         return result
 
     @cached_property
-    def _normal(self) -> tuple[BoolArray, Callable[[FloatArray], FloatArray]]:
-        """Solver of G' G for loose norm rows G on the free rates, and where nobody resists."""
-        square = self._loose.T @ self._loose
+    def _loose(self) -> tuple[sp.csr_array, BoolArray, Callable[[FloatArray], FloatArray]]:
+        """Norm rows G that are not coupled, on the free rates; where nobody resists; and a solver
+        of G' G."""
+        loose = self.norms.matrix[:, self._free]
+        if self._is_coupled.any():
+            loose = loose.multiply(~self._is_coupled[:, None]).tocsr()
+        square = loose.T @ loose
         idle = square.diagonal() == 0.0
         if idle.any():
             square = square + sp.diags_array(idle.astype(float))
-        return idle, splu(square.tocsc()).solve
+        return loose, idle, splu(square.tocsc()).solve
 
     def _proposal(self, rates: FloatArray, is_cheap: bool) -> tuple[FloatArray, FloatArray]:
         """Flows where the conditions leave a choice, else zero; and the multipliers >= 0 of

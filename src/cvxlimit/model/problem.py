@@ -324,8 +324,8 @@ class LimitProblem(Changeable):
             return LimitState(outcome, None, None, None)
         equations = self.constraints["equilibrium"][0].dual_value
         internal = np.concatenate([np.asarray(form.value).ravel() for form in found.internal])
-        factor = float(found.factor.value)
-        return self._state(outcome, internal, factor, equations, self._values(found, None))
+        own = {name: np.asarray(form.value).ravel() for name, form in found.own.items()}
+        return self._state(outcome, internal, float(found.factor.value), equations, own)
 
     def state(self, outcome: Outcome, x: FloatArray | None, y: FloatArray | None) -> LimitState:
         """What a solution x of the program says, with duals y of its equations."""
@@ -335,15 +335,9 @@ class LimitProblem(Changeable):
             return self._state(outcome, x[: len(self._unit)], float(x[-1]), y, {})
         found, _ = self._in_rows
         internal = stacked(found.internal).values(x)
-        own, rows = self._values(found, x), len(self.equilibrium.rows)
-        y = y[found.before : found.before + rows]
+        own = {name: np.asarray(form.values(x)).ravel() for name, form in found.own.items()}
+        y = y[found.before : found.before + len(self.equilibrium.rows)]
         return self._state(outcome, internal, float(found.factor.values(x)[0]), y, own)
-
-    def _values(self, found: Stated, x: FloatArray | None) -> dict[str, FloatArray]:
-        return {
-            name: np.asarray(form.value if x is None else form.values(x)).ravel()
-            for name, form in found.own.items()
-        }
 
     def _state(
         self, outcome: Outcome, internal: FloatArray, factor: float, duals: FloatArray | None,

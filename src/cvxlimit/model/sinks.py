@@ -105,13 +105,6 @@ class Form:
         slots = np.broadcast_to(self.theta.slots(coefficient), (own.size,))
         return replace(own, slot=self.theta.products(own.slot, slots[own.row]), first=None)
 
-    def gathered(self, at: IntArray, size: int) -> Form:
-        """Sums (size,) of forms: the i-th is added to number ``at[i]``."""
-        if size == self.size and np.array_equal(at, np.arange(size)):
-            return self
-        constant = np.asarray(np.bincount(at, self.constant, size), dtype=float)
-        return Form(self.theta, at[self.row], self.column, self.value, constant, self.slot)
-
     def values(self, x: FloatArray) -> FloatArray:
         """Returns the values at unknowns x, and the Parameters' present values."""
         if self.first is not None:
@@ -237,7 +230,11 @@ def gathered(form: Any, at: IntArray, size: int, weight: Any = 1.0) -> Any:
     """Sums (size,) of weighted forms of either sink: the i-th is added to number ``at[i]``."""
     if isinstance(form, Form):
         is_plain = np.ndim(weight) == 0 and float(weight) == 1.0
-        return (form if is_plain else form.times(weight)).gathered(at, size)
+        own = form if is_plain else form.times(weight)
+        if size == own.size and np.array_equal(at, np.arange(size)):
+            return own
+        constant = np.asarray(np.bincount(at, own.constant, size), dtype=float)
+        return Form(own.theta, at[own.row], own.column, own.value, constant, own.slot)
     every, weights = np.arange(len(at)), np.broadcast_to(weight, at.shape)
     if size == len(at) > 0 and np.array_equal(at, every) and np.ptp(weights) == 0.0:
         return form if weights[0] == 1.0 else float(weights[0]) * form  # less for CVXPY to do
@@ -316,15 +313,42 @@ class Rows:
 
     def written(self, goal: Form) -> Written:
         """The program that maximises ``goal``."""
-        rights = []
+        # entries of A; b is minus the constants of equations, and those of all other rows
+        found, rights = self.entries(), []
         for sign, block in self._blocks():
-            right = np.empty(len(block) * block[0].size)
+            part = np.empty(len(block) * block[0].size)
             for i, form in enumerate(block):
-                right[i :: len(block)] = -sign * form.constant
-            rights.append(right)
-        counts = tuple(sum(form.size for form in forms) for forms in (self.equations, self.linear))
-        sizes = tuple(chain(*([len(cone)] * cone[0].size for cone in self.cones)))
-        return Written.of(self.entries(), np.concatenate(rights), goal, self, (*counts, sizes))
+                part[i :: len(block)] = -sign * form.constant
+            rights.append(part)
+        right, cost = np.concatenate(rights), np.zeros(self.width)
+        row, column, value = (np.concatenate([part[i] for part in found]) for i in range(3))
+        equations, linear = (sum(f.size for f in forms) for forms in (self.equations, self.linear))
+        cones = tuple(chain(*([len(cone)] * cone[0].size for cone in self.cones)))
+        sizes, shape = (equations, linear, cones), (len(right), self.width)
+        # without Parameters these are the program
+        if self.theta.size == 1:
+            matrix = sp.csc_array((value, (row, column)), shape=shape)
+            matrix.eliminate_zeros()
+            np.add.at(cost, goal.column, -goal.value)
+            return Written(ConeProgram(cost, matrix, right, *sizes), self.theta)
+        # with them, where each entry belongs among the numbers of A, b and c
+        slot = np.concatenate([_slots(part[3], len(part[0])) for part in found])
+        is_entry = (column != CONSTANT_COLUMN) & (value != 0.0)
+        places = row[is_entry], column[is_entry]
+        matrix = sp.csc_array((np.ones(len(places[0])), places), shape=shape)
+        columns = np.repeat(np.arange(shape[1]), np.diff(matrix.indptr))
+        keys = columns * shape[0] + matrix.indices
+        at = np.searchsorted(keys, places[1] * shape[0] + places[0])
+        # constants with a slot: of equations and inequalities alike b is minus what A has
+        is_constant = column == CONSTANT_COLUMN
+        goal = goal._with_constant_entries()
+        of_cost = goal.column != CONSTANT_COLUMN
+        place = [at, matrix.nnz + row[is_constant], matrix.nnz + shape[0] + goal.column[of_cost]]
+        values = [value[is_entry], -value[is_constant], -goal.value[of_cost]]
+        every = [slot[is_entry], slot[is_constant], _slots(goal.slot, len(goal.row))[of_cost]]
+        fixed = np.concatenate([np.zeros(matrix.nnz), right, cost])
+        program = ConeProgram(cost, matrix, right, *sizes)
+        return Written(program, self.theta, fixed, *map(np.concatenate, (place, values, every)))
 
 
 _Entries = list[tuple[IntArray, IntArray, FloatArray, IntArray | None]]
@@ -342,36 +366,6 @@ class Written:
     place: IntArray | None = None
     value: FloatArray | None = None
     slot: IntArray | None = None
-
-    @classmethod
-    def of(
-        cls, found: _Entries, right: FloatArray, goal: Form, rows: Rows,
-        sizes: tuple[Any, ...],
-    ) -> Written:  # fmt: skip
-        theta, shape, cost = rows.theta, (len(right), rows.width), np.zeros(rows.width)
-        row, column, value = (np.concatenate([part[i] for part in found]) for i in range(3))
-        if theta.size == 1:
-            matrix = sp.csc_array((value, (row, column)), shape=shape)
-            matrix.eliminate_zeros()
-            np.add.at(cost, goal.column, -goal.value)
-            return cls(ConeProgram(cost, matrix, right, *sizes), theta)
-        slot = np.concatenate([_slots(part[3], len(part[0])) for part in found])
-        is_entry = (column != CONSTANT_COLUMN) & (value != 0.0)
-        places = row[is_entry], column[is_entry]
-        matrix = sp.csc_array((np.ones(len(places[0])), places), shape=shape)
-        columns = np.repeat(np.arange(shape[1]), np.diff(matrix.indptr))
-        keys = columns * shape[0] + matrix.indices
-        at = np.searchsorted(keys, places[1] * shape[0] + places[0])
-        # constants with a slot: of equations and inequalities alike b is minus what A has
-        is_constant = column == CONSTANT_COLUMN
-        goal = goal._with_constant_entries()
-        of_cost = goal.column != CONSTANT_COLUMN
-        place = [at, matrix.nnz + row[is_constant], matrix.nnz + shape[0] + goal.column[of_cost]]
-        values = [value[is_entry], -value[is_constant], -goal.value[of_cost]]
-        every = [slot[is_entry], slot[is_constant], _slots(goal.slot, len(goal.row))[of_cost]]
-        fixed = np.concatenate([np.zeros(matrix.nnz), right, cost])
-        program = ConeProgram(cost, matrix, right, *sizes)
-        return cls(program, theta, fixed, *map(np.concatenate, (place, values, every)))
 
     def at(self, values: FloatArray) -> ConeProgram:
         """The program where theta has these ``values``."""

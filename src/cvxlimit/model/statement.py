@@ -11,7 +11,6 @@ import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Equilibrium, Reduction
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
@@ -47,11 +46,16 @@ class Statement:
         self.surfaces, self.formulation = needed_surfaces(surfaces), formulation
         if reduction is not None and given.is_symbolic:
             raise ModelError("a problem with Parameters has no smaller model: leave reduction out")
-        own = Reduction.none(self.assemblage.statics, formulation)
-        self.reduction = reduction or replace(own, contacts=given.contacts)
+        if reduction is None:
+            whole = Reduction.none(self.assemblage.statics, formulation)
+            reduction = replace(whole, contacts=given.contacts)
+        self.reduction = reduction
         self.goal, self.repeats, self.scaling = goal, repeats, self.assemblage.scaling
         self.model = model_of(self.reduction.formulation, self.reduction.contacts)
+        # units of internal forces, and one over those of equilibrium's rows: moments by the length
         self._unit = np.where(self.model.is_moment, self.scaling.length, 1.0)
+        down = np.repeat([1.0, 1.0 / self.scaling.length], 3)
+        self._down = np.tile(down, len(self.assemblage.statics.dead) // DOF)
 
     def stated(self, into: Constraints | Rows) -> tuple[Stated, Any]:
         """The problem, stated to a sink, and its goal."""
@@ -104,14 +108,15 @@ class Statement:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Scaled, of the internal forces."""
-        loads = np.stack([_size(load) for load in self.loads])
-        return Equilibrium.of(self._matrix, loads, self.scaling, self.reduction.rates)
-
-    @cached_property
-    def _down(self) -> FloatArray:
-        """Units of equilibrium's rows: moments are over the length."""
-        units = np.repeat([1.0, 1.0 / self.scaling.length], 3)
-        return np.tile(units, len(self.assemblage.statics.dead) // DOF)
+        if self.repeats is None or not self._is_whole:
+            matrix = self._matrix()
+        else:
+            matrix = self.repeats.shared("matrix", self.model.contacts, self._matrix)
+        sizes = [  # of loads, one where they are open
+            np.ones(load.size) if isinstance(load, cp.Expression) else np.abs(load)
+            for load in self.loads
+        ]
+        return Equilibrium.of(matrix, np.stack(sizes), self.scaling, self.reduction.rates)
 
     @cached_property
     def loads(self) -> tuple[Any, Any]:
@@ -127,23 +132,11 @@ class Statement:
         is_plain = self.reduction.formulation is corner_compressions and not self.model.conditions
         return is_plain and not self.reduction.names
 
-    @cached_property
     def _matrix(self) -> sp.csr_array:
-        """Returns the matrix of equilibrium along all six ways of all free blocks, scaled."""
-        if self.repeats is None or not self._is_whole:
-            return self._scaled()
-        result: sp.csr_array = self.repeats.shared("matrix", self.model.contacts, self._scaled)
-        return result
-
-    def _scaled(self) -> sp.csr_array:
+        """The matrix of equilibrium along all six ways of all free blocks, scaled."""
         lift, resultant_map = self.reduction.forces, self.model.resultant_map
         forces = resultant_map if lift is None else lift @ resultant_map
         matrix = (self.assemblage.statics.matrix @ forces).tocsr()
         matrix.data *= np.repeat(self._down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
         matrix.eliminate_zeros()
         return matrix
-
-
-def _size(load: Any) -> FloatArray:
-    """Sizes of a load, one where they are open."""
-    return np.ones(load.size) if isinstance(load, cp.Expression) else np.abs(load)

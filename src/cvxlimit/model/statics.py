@@ -27,36 +27,12 @@ DOF = 6
 """Rows per free block: fx, fy, fz, mx, my, mz at its centroid."""
 
 
-def equilibrium_matrix(
-    contacts: Contacts, centroids: FloatArray, row_of_block: IntArray
-) -> sp.csr_array:
-    """A (6 free blocks, 6 contacts) of Eq. 7: A x + f = 0 for loads f and contact forces x, which
-    act on block b, their opposites on a. ``row_of_block`` numbers free blocks from 0.
-    """
-    free, n = int(row_of_block.max()) + 1, len(contacts)
-    block, columns = np.append(contacts.b, contacts.a), np.tile(np.arange(n), 2)
-    held = np.flatnonzero(row_of_block[block] >= 0)
-    block, columns, rows = block[held], columns[held], row_of_block[block[held]]
-    sign = np.where(held < n, 1.0, -1.0)[:, None, None]
-    frame = sign * np.swapaxes(contacts.axes[columns], 1, 2)
-    arm = contacts.origin[columns] - centroids[block]
-    blocks = np.zeros((len(held), DOF, len(COMPONENTS)))
-    blocks[:, :3, :3] = blocks[:, 3:, 3:] = frame
-    blocks[:, 3:, :3] = np.cross(arm[:, :, None], frame, axis=1)
-    order = np.lexsort((columns, rows))
-    start = np.searchsorted(rows[order], np.arange(free + 1))
-    shape = (DOF * free, len(COMPONENTS) * len(contacts))
-    matrix = sp.bsr_array((blocks[order], columns[order], start), shape=shape).tocsr()
-    matrix.eliminate_zeros()
-    return matrix
-
-
 @dataclass(frozen=True, eq=False)
 class Statics:
     """Equilibrium data of a scene in one consistent set of units.
 
-    ``matrix`` is A; ``dead`` and ``live`` are load vectors (6 free blocks,); see
-    :func:`equilibrium_matrix`. ``guide`` projects rates on those that :meth:`guided` allows.
+    ``dead`` and ``live`` are load vectors (6 free blocks,); ``row_of_block`` numbers free blocks
+    from 0. ``guide`` projects rates on those that :meth:`guided` allows.
     """
 
     contacts: Contacts
@@ -95,23 +71,31 @@ class Statics:
 
     @cached_property
     def matrix(self) -> sp.csr_array:
-        whole = equilibrium_matrix(self.contacts, self.centroids, self.row_of_block)
-        return whole if self.guide is None else (self.guide @ whole).tocsr()
-
-    @cached_property
-    def transposed(self) -> sp.csc_array:
-        """A^T."""
-        return self.matrix.T
+        """A (6 free blocks, 6 contacts) of Eq. 7: A x + f = 0 for loads f and contact forces x,
+        which act on block b, their opposites on a."""
+        contacts, free, n = self.contacts, int(self.row_of_block.max()) + 1, len(self.contacts)
+        # both ends of every contact that are on free blocks
+        block, columns = np.append(contacts.b, contacts.a), np.tile(np.arange(n), 2)
+        held = np.flatnonzero(self.row_of_block[block] >= 0)
+        block, columns, rows = block[held], columns[held], self.row_of_block[block[held]]
+        # what forces along the contact's axes are to the block: themselves, and moments by arms
+        sign = np.where(held < n, 1.0, -1.0)[:, None, None]
+        frame = sign * np.swapaxes(contacts.axes[columns], 1, 2)
+        arm = contacts.origin[columns] - self.centroids[block]
+        blocks = np.zeros((len(held), DOF, len(COMPONENTS)))
+        blocks[:, :3, :3] = blocks[:, 3:, 3:] = frame
+        blocks[:, 3:, :3] = np.cross(arm[:, :, None], frame, axis=1)
+        order = np.lexsort((columns, rows))
+        start = np.searchsorted(rows[order], np.arange(free + 1))
+        shape = (DOF * free, len(COMPONENTS) * n)
+        matrix = sp.bsr_array((blocks[order], columns[order], start), shape=shape).tocsr()
+        matrix.eliminate_zeros()
+        return matrix if self.guide is None else (self.guide @ matrix).tocsr()
 
     @cached_property
     def sizes(self) -> sp.csr_array:
         """The absolute values of A."""
         return abs(self.matrix)
-
-    @cached_property
-    def transposed_sizes(self) -> sp.csr_array:
-        """The absolute values of A^T."""
-        return self.sizes.T.tocsr()
 
     def residual(self, forces: FloatArray, load_factor: float) -> FloatArray:
         """A x + f_dead + alpha f_live, (free blocks, 6)."""
@@ -140,7 +124,7 @@ class Statics:
 
     def relative_rates(self, mechanism: FloatArray) -> FloatArray:
         """A^T u: relative displacement rates (contacts, 6) of Eq. 2 for block rates (free, 6)."""
-        return np.asarray(self.transposed @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
+        return np.asarray(self.matrix.T @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
 
 
 def block_sizes(generalised: FloatArray, length: float) -> FloatArray:

@@ -260,33 +260,34 @@ class Certifier:
         x = self.strength.balanced(x, alpha, self.statics)
         if not np.isfinite(x).all():
             return -np.inf, False, residual, excess
-        forces = self.strength.forces(x)
-        rest = block_sizes(self.statics.residual(forces, alpha), self.size).sum()
-        over = sum(float(np.maximum(y, 0.0).sum()) for y in self.strength.excess(x))
+        # without a reserve what is left over is weighted by the largest rate there may be
+        rest = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size).sum()
+        found = self.strength.excess(x)
+        over = sum(float(np.maximum(y, 0.0).sum()) for y in found)
         error = (rest + over) * REFERENCE * rate if rest + over > 0.0 else 0.0
         assumed = alpha - error if np.isfinite(error) else -np.inf
         reserve, known = self.witnesses.dead_state, self.witnesses.factor
         is_balanced = self.is_balanced(x, alpha)
         if reserve is None or not (is_balanced and self.is_balanced(reserve, known)):
             return assumed, False, residual, excess
-        share = self._mixing_share(x, reserve)
+        # so much of the reserve brings the mixture inside all surfaces
+        share = 0.0
+        for y, inside in zip(found, self.strength.excess(reserve), strict=True):
+            beyond = np.maximum(y, 0.0)
+            share = max(share, float((beyond / (beyond - inside)).max()))
         lower = alpha + share * (known - alpha)
-        hidden = self._hidden(x + share * (reserve - x), lower, u)
+        # The load factor that residuals of the mixture which count as rounding may carry: what they
+        # do in a mechanism, which is how fast the largest load factor changes with loads.
+        hidden, live = 0.0, 0.0 if u is None else float(self.statics.live @ u.ravel())
+        if u is not None and live > 0.0:
+            forces = self.strength.forces(x + share * (reserve - x))
+            idle = block_sizes(self.statics.residual(forces, lower), self.size)
+            idle += EPSILON * self.statics.acting(forces, lower, self.size)
+            hidden = float(idle @ block_sizes(u, 1.0 / self.size)) / live
         lower = max(known, lower - hidden) if lower > known else lower - hidden
         if self.strength.balance.held is not None:  # no reserve takes up what nothing resists
             lower = max(known, lower - _N.unresisted * self.assemblage.scaling.ratio)
         return lower, True, residual, excess
-
-    def _hidden(self, state: FloatArray, alpha: float, u: FloatArray | None) -> float:
-        """The load factor that residuals of a state which count as rounding may carry: what they do
-        in a mechanism, which is how fast the largest load factor changes with loads."""
-        live = 0.0 if u is None else float(self.statics.live @ u.ravel())
-        if u is None or not live > 0.0:
-            return 0.0
-        forces = self.strength.forces(state)
-        rest = block_sizes(self.statics.residual(forces, alpha), self.size)
-        rest += EPSILON * self.statics.acting(forces, alpha, self.size)
-        return float(rest @ block_sizes(u, 1.0 / self.size)) / live
 
     def _lower_without_idle(
         self, x: FloatArray, alpha: float, rate: float, u: FloatArray | None
@@ -309,12 +310,6 @@ class Certifier:
             return None
         result.size, result._can_reduce = self.size, False
         return result
-
-    def _mixing_share(self, forces: FloatArray, reserve: FloatArray) -> float:
-        excess = self.strength.excess
-        found = zip(excess(forces), excess(reserve), strict=True)
-        over = [(np.maximum(y, 0.0), inside) for y, inside in found]
-        return max(0.0, *(float((y / (y - inside)).max()) for y, inside in over))
 
     def _largest_force(self, x: FloatArray | None, contacts: IntArray | None = None) -> float:
         """Returns the largest force at some contacts (k,), or all: blocks that wedge each other may
@@ -345,12 +340,24 @@ class Certifier:
             return np.inf, False, np.nan, np.nan
         u = u / live
         opened = self.opened(u)
-        violation, error = opened.violation / largest, opened.missing
-        if opened.is_allowed:
-            return *self._bound(opened), violation, error
-        bound = opened.dissipation - float(self.statics.dead @ u.ravel())
-        force = REFERENCE * max(self._total_load(bound), force)
-        return bound + error * force, False, violation, error
+        violation, missing = opened.violation / largest, opened.missing
+        dissipation = opened.dissipation
+        # what is missing is weighted by the largest force there may be, unless it can be opened
+        if not opened.is_allowed:
+            bound = dissipation - float(self.statics.dead @ u.ravel())
+            force = REFERENCE * max(self._total_load(bound), force)
+            return bound + missing * force, False, violation, missing
+        # what dissipation and dead load take of the live power, and what rounding may hide
+        u = opened.rates.ravel()
+        live = float(self.statics.live @ u)
+        live_error, dead_error = (
+            EPSILON * float(np.abs(f) @ np.abs(u)) for f in (self.statics.live, self.statics.dead)
+        )
+        if not live > 2.0 * live_error:
+            return np.inf, False, violation, missing
+        bound = (dissipation - float(self.statics.dead @ u)) / live
+        error = dead_error + EPSILON * abs(dissipation) + abs(bound) * live_error
+        return bound + error / live, True, violation, missing
 
     def opened(
         self, mechanism: FloatArray, own: tuple[FloatArray, FloatArray] | None = None
@@ -365,10 +372,19 @@ class Certifier:
         sizes = mechanism.ravel()
         if own is not None:
             relative, sizes = relative + own[0], np.append(sizes, own[1])
-            rounding = rounding + self._sum_of_roundings(own[1])
+            rounding = rounding + EPSILON * (own[1] * self.strength.rate_sizes).sum(axis=1)
         found = self.strength.flow.shortfall(relative)
         missing = found.missing + rounding
-        field, share = self._opening(missing)
+        # a field that opens every contact, and its share that makes up for what is missing
+        field, share = None, 0.0
+        asks = missing > 0.0  # a contact without any state misses -inf and has inf to spare
+        if not asks.any():
+            field = np.zeros((len(self.statics.dead) // DOF, DOF))
+        for known in self.witnesses.opening_fields() if field is None else ():
+            spare = self._spare_opening(known)
+            if spare.min() > 0.0:
+                field, share = known, float(np.max(missing[asks] / spare[asks], initial=0.0))
+                break
         is_allowed = field is not None and _is_resisted(found.unresisted, sizes)
         rates, dissipation = mechanism, found.dissipation
         if field is not None and is_allowed:
@@ -379,36 +395,9 @@ class Certifier:
         lacks = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
         return Opened(rates, dissipation, is_allowed, lacks, max(float(missing.max()), 0.0))
 
-    def _opening(self, missing: FloatArray) -> tuple[FloatArray | None, float]:
-        """A field that opens every contact, and its share that makes up for what is missing."""
-        asks = missing > 0.0  # a contact without any state misses -inf and has inf to spare
-        if not asks.any():
-            return np.zeros((len(self.statics.dead) // DOF, DOF)), 0.0
-        for field in self.witnesses.opening_fields():
-            spare = self._spare_opening(field)
-            if spare.min() > 0.0:
-                return field, float(np.max(missing[asks] / spare[asks], initial=0.0))
-        return None, 0.0
-
-    def _bound(self, opened: Opened) -> tuple[float, bool]:
-        u, dissipation = opened.rates, opened.dissipation
-        rates = np.abs(u).ravel()
-        live = float(self.statics.live @ u.ravel())
-        live_error, dead_error = (
-            EPSILON * float(np.abs(f) @ rates) for f in (self.statics.live, self.statics.dead)
-        )
-        if not live > 2.0 * live_error:
-            return np.inf, False
-        bound = (dissipation - float(self.statics.dead @ u.ravel())) / live
-        error = dead_error + EPSILON * abs(dissipation) + abs(bound) * live_error
-        return bound + error / live, True
-
     def _rounding(self, u: FloatArray) -> FloatArray:
         """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
-        size = self.statics.transposed_sizes @ np.abs(u).ravel()
-        return self._sum_of_roundings(size.reshape(-1, DOF))
-
-    def _sum_of_roundings(self, size: FloatArray) -> FloatArray:
+        size = (self.statics.sizes.T @ np.abs(u).ravel()).reshape(-1, DOF)
         return np.asarray(EPSILON * (size * self.strength.rate_sizes).sum(axis=1))
 
     def is_balanced(self, state: FloatArray, alpha: float) -> bool:

@@ -95,6 +95,8 @@ class Witnesses:
         self.borrowed_field: FloatArray | None = None
         self.factor = 0.0
         self._attempted = 0
+        rates, dead = self._balance.rates, self.statics.dead
+        self._dead = dead if rates is None else np.asarray(rates @ dead)
 
     @property
     def dead_state(self) -> FloatArray | None:
@@ -139,7 +141,7 @@ class Witnesses:
                 ("dead state", share, iterations, self.statics.dead.tobytes()),
                 partial(
                     self._find_dead_state,
-                    share * self._fair_compression(),
+                    share,
                     iterations,
                     _N.patience if self._attempted == 1 else iterations,
                 ),
@@ -159,7 +161,10 @@ class Witnesses:
             states[key] = seek()
         return states[key]
 
-    def _fair_compression(self) -> FloatArray:
+    def _find_dead_state(self, share: float, iterations: int, patience: int) -> FloatArray | None:
+        """Returns a dead state with at least a ``share`` of fair compressions at corners, None as
+        soon as ``patience`` iterations leave more than half of what was missing."""
+        # fair is what the lighter of the two blocks gives, its load spread over all its corners
         contacts, number = self.statics.contacts, self.statics.row_of_block
         force = np.linalg.norm(self.statics.dead.reshape(-1, DOF)[:, :3], axis=1)
         force = np.where(force > 0.0, force, force.mean() or np.linalg.norm(self.statics.dead))
@@ -170,23 +175,18 @@ class Witnesses:
         spread = np.append(force / around[:-1], np.inf)
         lighter = np.minimum(spread[number[contacts.a]], spread[number[contacts.b]])
         model = self._balance.model
-        return lighter[model.contact[model.nonneg]]
-
-    def _find_dead_state(
-        self, compression: FloatArray, iterations: int, patience: int
-    ) -> FloatArray | None:
-        """Returns a dead state, None as soon as ``patience`` iterations leave more than half of
-        what was missing."""
+        compression = share * lighter[model.contact[model.nonneg]]
+        # from forces in equilibrium inside the surfaces, and back into equilibrium, in turn
         z, missing = self._carried(np.zeros(len(self._balance.weights))), list[float]()
         accelerated = _Accelerated()
         for _ in range(iterations):
-            short = 0.1 * compression - z[self._balance.model.nonneg]
+            short = 0.1 * compression - z[model.nonneg]
             missing.append(float(short.max(initial=0.0)))
             if len(missing) > patience and 0.0 < 0.5 * missing[-1 - patience] < missing[-1]:
                 return None
             if missing[-1] <= 0.0 and all(y.max() < 0.0 for y, _ in self._excess(z)):
                 z = self._carried(self._carried(z))  # to rounding of each block's own forces
-                forces, length = self._balance.model.forces(z), self.statics.contacts.typical_size
+                forces, length = model.forces(z), contacts.typical_size
                 if all(y.max() < 0.0 for y in self.strength.excess(forces)):
                     is_all = self._balance.held is None  # else some load may be carried by nothing
                     is_all = is_all or self.statics.is_balanced(forces, 0.0, length)
@@ -198,11 +198,6 @@ class Witnesses:
     def _carried(self, z: FloatArray) -> FloatArray:
         balance = self._balance
         return z + balance.along(balance.matrix @ z + self._dead)
-
-    @cached_property
-    def _dead(self) -> FloatArray:
-        rates, dead = self._balance.rates, self.statics.dead
-        return dead if rates is None else np.asarray(rates @ dead)
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
         model = self._balance.model

@@ -9,9 +9,8 @@ from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
@@ -103,7 +102,7 @@ class Strength:
         def made() -> Strength:
             new = own()
             # so that copies have them
-            _ = new.rows, new.rate_sizes, new.is_cone, new._unresisted, new.about
+            _ = new.rows, new.rate_sizes, new.is_cone, new._idle, new.about
             return new
 
         result = copy(assemblage.repeats.shared(("strength", about), contacts, made))
@@ -115,29 +114,25 @@ class Strength:
         balance = self.assemblage.balance
         if self.is_internal:
             balance = Balance(self.assemblage.statics, self.model)
-        free = self._unresisted.ravel()
+        free = self._idle[1].ravel()
         if not free.any():
             return balance
         gives = abs(balance.model.resultant_map).T
         return replace(balance, held=(gives @ free > 0.0) & (gives @ ~free == 0.0))
 
     @cached_property
-    def _unresisted(self) -> NDArray[np.bool_]:
-        found = np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
-        for (condition, _), void in zip(self.conditions, self.is_void, strict=True):
+    def _idle(self) -> tuple[list[BoolArray], BoolArray]:
+        """Rows without resistance, condition by condition, and the contact forces (n, 6) that these
+        leave none of."""
+        voids, unresisted = [], np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
+        for condition, _ in self.conditions:
+            rows = condition.rows(len(self.contacts))
+            sizes = (np.abs(number(k)) for k in condition.resistance.values())
+            voids.append((sum(sizes, np.zeros(len(rows))) == 0.0) & bool(condition.norms))
             names = [name for norm in condition.norms for row in norm.rows for name in row]
             for name in COLUMN.keys() & names:
-                found[condition.rows(len(found))[void], COLUMN[name]] = True
-        return found
-
-    @cached_property
-    def is_void(self) -> list[NDArray[np.bool_]]:
-        found = []
-        for condition, _ in self.conditions:
-            nothing = np.zeros(len(condition.rows(len(self.contacts))))
-            size = sum((np.abs(number(k)) for k in condition.resistance.values()), nothing)
-            found.append((size == 0.0) & bool(condition.norms))
-        return found
+                unresisted[rows[voids[-1]], COLUMN[name]] = True
+        return voids, unresisted
 
     @cached_property
     def conditions(self) -> list[tuple[Condition, Cone]]:
@@ -170,8 +165,9 @@ class Strength:
         """Yield functions as forces, one array per condition; <= 0 is admissible."""
         values = columns(state) if not self.is_internal else self.model.values(state)
         found = [condition_excess(c, cone, values) for c, cone in self.conditions]
-        if self._unresisted.any():
-            pairs = zip(found, self.is_void, strict=True)
+        voids, unresisted = self._idle
+        if unresisted.any():
+            pairs = zip(found, voids, strict=True)
             found = [np.where(void & (y <= 0.0), -NOTHING, y) for y, void in pairs]
         return [-state[self._pressed], *found] if len(self._pressed) else found
 
@@ -197,7 +193,7 @@ class Strength:
         if not self.balance.is_supported:
             return state
         if self.balance.held is not None:
-            unresisted = self.balance.held if self.is_internal else self._unresisted
+            unresisted = self.balance.held if self.is_internal else self._idle[1]
             state = np.where(unresisted, 0.0, state)
         for _ in range(2):
             residual = statics.residual(self.forces(state), load_factor).ravel()

@@ -76,11 +76,18 @@ class Reductions:
         is_plain = is_free and not crushes
         if model == "full" or formulation is not corner_compressions or not is_plain:
             return cls(assemblage, formulation)
-        statics = assemblage.statics
-        plane = find_plane(statics, surfaces) if _may_be_planar(statics) else None
+        # a plane is only looked for where normals of contacts and forces span no more than one
+        statics, spread = assemblage.statics, np.zeros((3, 3))
+        dead, live = (load.reshape(-1, DOF)[:, :3] for load in (statics.dead, statics.live))
+        for vectors in (statics.contacts.axes[:, 2], dead, live):
+            spread += vectors.T @ vectors / (vectors**2).max(initial=1e-300)
+        least, _, most = np.linalg.eigvalsh(spread)
+        plane = find_plane(statics, surfaces) if least <= _FLAT * most else None
+        # a mirror costs time to find
         mirror = None
         if model == "least" or len(statics.contacts) >= _LEAST_MIRRORED:
             mirror = find_mirror(statics, surfaces, None if plane is None else plane.normal)
+        # forces of a planar scene are balanced within its plane
         if plane is not None:
             blocks = len(statics.dead) // DOF
             ways = _rates(blocks, plane.normal, None, np.arange(blocks))
@@ -128,16 +135,6 @@ class Reductions:
             formulation=self.formulation if plane is None else plane.taking(kept).model,
             given_forces=given_forces,
         )
-
-
-def _may_be_planar(statics: Statics) -> bool:
-    """True if normals of contacts and forces span no more than a plane: quicker than to find it."""
-    dead, live = statics.dead.reshape(-1, DOF), statics.live.reshape(-1, DOF)
-    spread = np.zeros((3, 3))
-    for vectors in (statics.contacts.axes[:, 2], dead[:, :3], live[:, :3]):
-        spread += vectors.T @ vectors / (vectors**2).max(initial=1e-300)
-    least, _, most = np.linalg.eigvalsh(spread)
-    return bool(least <= _FLAT * most)
 
 
 def _forces(mirror: Mirror | None, kept: BoolArray) -> sp.csr_array:

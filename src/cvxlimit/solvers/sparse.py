@@ -7,7 +7,7 @@ SciPy's SuperLU, which does the same elsewhere.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -43,7 +43,7 @@ def factorised(matrix: sp.csc_array, group: int = 1) -> Solve:
     the equations of a masonry block."""
     n = matrix.shape[0]
     if CHOLESKY is None or n < _FEW:
-        return symmetric_lu(matrix, "MMD_AT_PLUS_A")
+        return cast(Solve, _lu(matrix).solve)
     node = np.arange(n) // group
     places = node[matrix.indices], np.repeat(node, np.diff(matrix.indptr))
     graph = sp.coo_array((np.ones(matrix.nnz), places), shape=(n // group, n // group))
@@ -57,22 +57,15 @@ def factorised(matrix: sp.csc_array, group: int = 1) -> Solve:
     try:
         solve = Supernodal(lower.indices, lower.indptr).factorise(lower.data)
     except ArithmeticError:  # indefinite by rounding: LU does not mind
-        return symmetric_lu(matrix, "MMD_AT_PLUS_A")
+        return cast(Solve, _lu(matrix).solve)
     return lambda right: solve(right[order])[rank]
 
 
-def symmetric_lu(matrix: sp.csc_array, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> Solve:
-    """SciPy's LU without pivoting, in one of SuperLU's orders.
-
-    Raises RuntimeError if a pivot is zero.
-    """
-    solve: Solve = _lu(matrix, order).solve
-    return solve
-
-
-def _lu(matrix: sp.csc_array, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> SuperLU:
+def _lu(matrix: sp.csc_array) -> SuperLU:
+    """SciPy's LU without pivoting, nodes with the fewest neighbours first. Raises RuntimeError if a
+    pivot is zero."""
     options = {"SymmetricMode": True, "Equil": False}
-    return splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options=options)
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
 
 class Supernodal:
@@ -110,7 +103,7 @@ def minimum_degree(graph: sp.csr_array) -> IntArray:
         return np.zeros(0, dtype=np.int64)
     degree = np.diff(graph.indptr) + 1.0
     links = sp.csc_array((-np.ones(graph.nnz), graph.indices, graph.indptr), shape=(n, n))
-    return np.argsort(_lu(links + sp.diags_array(degree, format="csc"), "MMD_AT_PLUS_A").perm_c)
+    return np.argsort(_lu(links + sp.diags_array(degree, format="csc")).perm_c)
 
 
 def nested_dissection(graph: sp.csr_array) -> IntArray:
