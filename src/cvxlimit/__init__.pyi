@@ -39,7 +39,6 @@ from cvxlimit.paths.code_check import code_check as code_check
 from cvxlimit.paths.path import Configuration as Configuration
 from cvxlimit.paths.path import Path as Path
 from cvxlimit.paths.pushover import pushover as pushover
-from cvxlimit.proof.assumptions import Certificate as Certificate
 from cvxlimit.proof.certificate import Certifier as Certifier
 from cvxlimit.reductions.choice import explain as explain
 from cvxlimit.scene import Scene as Scene
@@ -61,5 +60,6 @@ from cvxlimit.solution import Iterate as Iterate
 from cvxlimit.solution import Member as Member
 from cvxlimit.solution import Solution as Solution
 from cvxlimit.solution import Status as Status
+from cvxlimit.solution.bracket import Certificate as Certificate
 from cvxlimit.studies.proving import prove as prove
 from cvxlimit.studies.sweeping import sweep as sweep

@@ -29,13 +29,12 @@ from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.proof.admissible import carried_exactly
-from cvxlimit.proof.assumptions import Certificate
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
-from cvxlimit.solution.bracket import TOLERANCE, Bracket, known
+from cvxlimit.solution.bracket import TOLERANCE, Bracket, Certificate, known
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
@@ -142,15 +141,12 @@ class ConvexSearch:
         with self.run.clock.phase("compile"):
             return self.run.ladder or self.problem.ladder(self.tolerance)
 
-    def _leave_out_what_stands(self) -> None:
-        if self.reductions.loaded is not None:
-            self._state(self.certifier.witnesses.easy_dead_state)
-
     def steps(self) -> Steps:
         """All solvers with the model that suffices, then with the full one."""
         if self.dead_load_falls():
             return (yield from self._between())
-        self._leave_out_what_stands()
+        if self.reductions.loaded is not None:  # the others are left out, as far as they stand
+            self._state(self.certifier.witnesses.easy_dead_state)
         status = yield from self._bounded()
         return (yield from self._between()) if status is Status.DEAD_LOAD_UNSTABLE else status
 
@@ -277,7 +273,10 @@ class ConvexSearch:
         """The bracket of an answer, and of states to refer to that are sought where it needs
         them."""
         found = self._certificate(state)
-        if self._loses_below(found) and self._is_new("dead load"):
+        # a proved lower bound loses too much: a state deeper inside may narrow the bracket
+        is_close = found.lower_is_proved and found.lower > 0.5 * found.upper > 0.0
+        best = self.run.best.bracket.raised(found.lower, True).lowered(found.upper, False)
+        if is_close and not best.is_within(self.tolerance) and self._is_new("dead load"):
             self._dead_load_alone()
             found = self._certificate(state)
         if np.isfinite(found.upper) and not found.upper_is_proved and self._is_new("opening"):
@@ -289,11 +288,6 @@ class ConvexSearch:
         is_new = question not in self.asked
         self.asked.add(question)
         return is_new
-
-    def _loses_below(self, found: Certificate) -> bool:
-        is_close = found.lower_is_proved and found.lower > 0.5 * found.upper > 0.0
-        best = self.run.best.bracket.raised(found.lower, True).lowered(found.upper, False)
-        return is_close and not best.is_within(self.tolerance)
 
     def _certificate(self, state: LimitState, certifier: Certifier | None = None) -> Certificate:
         self.run.tell("checking the bracket")

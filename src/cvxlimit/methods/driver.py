@@ -25,7 +25,6 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
-from cvxlimit.proof.assumptions import assumptions
 from cvxlimit.readings.moments import INDEPENDENT, Moments
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Solution, Status
@@ -267,7 +266,8 @@ class Run:
         """Rates (6,) of the free blocks, by id."""
         if mechanism is None:
             return None
-        ids = [self.scene.blocks[i].id for i in self.scene.free]
+        scene = self.scene
+        ids = [scene.blocks[i].id for i in scene.free]
         return dict(zip(ids, np.reshape(mechanism, (-1, DOF)), strict=True))
 
     def auxiliary_run(self, assemblage: Assemblage | None = None) -> Run:
@@ -276,18 +276,6 @@ class Run:
         result.assemblage, result.history = assemblage or self.assemblage, []
         result.best, result.remarks = Answer(bracket=Bracket(least=result.scaling.least)), []
         return result
-
-
-def about_cells(run: Run) -> str:
-    """What crushing contacts of other shapes than rectangles are: a model of cells."""
-    contacts = run.contacts
-    is_weak = np.isfinite(contacts.compressive_strength) & ~contacts.is_rectangle
-    if not is_weak.any() or getattr(run.formulation, "sees_to_strength", False):
-        return ""
-    return (
-        "contacts that are not rectangles crush under pressures constant on cells, "
-        f"{DIVISIONS} across: the bracket is that of this model, which is on the safe side"
-    )
 
 
 Steps = Generator[None, None, Status]
@@ -327,7 +315,16 @@ class Method(ABC):
 
     def basis(self, run: Run) -> str:
         """What the bounds of ``run.best`` rest on, in a sentence."""
-        return "; ".join(filter(None, (assumptions(run.best.bracket), about_cells(run))))
+        basis, contacts = run.best.bracket.basis, run.contacts
+        # contacts that crush and are no rectangles are a model of cells
+        is_weak = np.isfinite(contacts.compressive_strength) & ~contacts.is_rectangle
+        if not is_weak.any() or getattr(run.formulation, "sees_to_strength", False):
+            return basis
+        cells = (
+            "contacts that are not rectangles crush under pressures constant on cells, "
+            f"{DIVISIONS} across: the bracket is that of this model, which is on the safe side"
+        )
+        return f"{basis}; {cells}" if basis else cells
 
 
 def drive(method: Method, run: Run) -> Solution:

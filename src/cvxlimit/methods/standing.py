@@ -15,10 +15,9 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.goals import Stated
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.proof.assumptions import REFERENCE, assumptions
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Iterate, LowerEnd
-from cvxlimit.solution.bracket import Bracket, rounded
+from cvxlimit.solution.bracket import REFERENCE, Bracket, rounded
 from cvxlimit.surfaces.base import YieldSurface, times
 
 SOLVERS_ASIDE = 2
@@ -154,5 +153,5 @@ def told(answer: Answer, turned: Bracket, alone: str) -> str:
     said = f"the dead load stands only together with a part of the live load ({alone} without it)"
     if answer.load_factor is None and answer.lower_end is not None:
         said += f", and with any multiple of it from {rounded(answer.lower_end.load_factor, 6)} on"
-    basis = assumptions(turned).replace("lower bound", "\0").replace("upper bound", "lower bound")
+    basis = turned.basis.replace("lower bound", "\0").replace("upper bound", "lower bound")
     return f"{said}; at the lower end {basis.replace(chr(0), 'upper bound')}"

@@ -106,24 +106,17 @@ def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str,
             f"method {asked.name!r} goes with surface {' or '.join(row.surfaces)}, got "
             f"{_called(surface)}: that goes with method {' or '.join(map(repr, takes))}"
         )
-    return _with_settings(asked, settings)
-
-
-def _with_settings(method: Method, settings: Mapping[str, Any]) -> Method:
-    given = dict[str, Any]()
-    for name, value in settings.items():
-        if value is None:
-            continue
-        given[name] = value
-        if not hasattr(method, name):
+    given = {name: value for name, value in settings.items() if value is not None}
+    for name, value in given.items():
+        if not hasattr(asked, name):
             has = [other for other, row in TABLE.items() if hasattr(row.method, name)]
             raise ModelError(
-                f"{name} does nothing for method {method.name!r}, got {value!r}: leave it out, or "
+                f"{name} does nothing for method {asked.name!r}, got {value!r}: leave it out, or "
                 f"take method {' or '.join(map(repr, has))}"
             )
     if "tolerance" in given:
         ratio(given["tolerance"], "tolerance")
-    return replace(method, **given) if given else method
+    return replace(asked, **given) if given else asked
 
 
 def check(what: str, run: Run, takes: Collection[str]) -> None:

@@ -20,12 +20,11 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import DOF, block_sizes
-from cvxlimit.proof.assumptions import REFERENCE, Certificate
 from cvxlimit.proof.gluing import glued, without_idle
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import NOTHING, ContactFlow, Flow, Strength, finite
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import TOLERANCE
+from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Certificate
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
 

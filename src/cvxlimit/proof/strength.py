@@ -77,7 +77,8 @@ class Strength:
         self.formulation = formulation
         own = model_of(formulation, self.contacts)
         self.is_internal = bool(own.conditions)
-        self.model = own if self.is_internal else corner_compressions(self.contacts)
+        is_own = self.is_internal or formulation is corner_compressions
+        self.model = own if is_own else corner_compressions(self.contacts)
         # by their places: a part may have the name of a component, which conditions would mean
         self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])
         self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))

@@ -17,6 +17,11 @@ worth a word. Lower bounds below this share of :attr:`Bracket.least` are zero bu
 forces count as balanced with residuals of 1e-11 of the loads, and :attr:`Bracket.least` is a
 millionth of these."""
 
+REFERENCE = 10.0
+"""Where a bound needs an assumption, it is that no contact force of the exact solution exceeds
+this multiple of the total load or of the largest force given, and no rate this multiple of the
+given mechanism's largest."""
+
 
 @dataclass(frozen=True)
 class Bracket:
@@ -97,6 +102,26 @@ class Bracket:
         """True if neither bound needs an assumption."""
         return self.lower_is_proved and self.upper_is_proved
 
+    @property
+    def basis(self) -> str:
+        """What the bounds that exist rest on, in a sentence.
+
+        >>> Bracket(0.1, 0.2, True, True).basis, Bracket(0.1, lower_is_proved=True).basis
+        ('both bounds are proved, up to rounding', 'the lower bound is proved, up to rounding')
+        """
+        sides = {
+            "lower": f"no block moves more than {REFERENCE:g} times as fast at collapse as the "
+            "fastest of the mechanism found",
+            "upper": f"no contact bears more than {REFERENCE:g} times the total load, or "
+            f"{REFERENCE:g} times the largest force found",
+        }
+        known = [side for side in sides if np.isfinite(getattr(self, side))]
+        assumed = [side for side in known if not getattr(self, f"{side}_is_proved")]
+        if known and not assumed:
+            proved = "both bounds are" if len(known) == 2 else f"the {known[0]} bound is"
+            return f"{proved} proved, up to rounding"
+        return " and ".join(f"the {side} bound holds if {sides[side]}" for side in assumed)
+
     def is_within(self, tolerance: float) -> bool:
         """True if the bracket is no wider than ``tolerance`` and does not contradict itself."""
         return abs(self.width) <= tolerance and not self.contradicts
@@ -126,6 +151,28 @@ class Bracket:
 
     def __str__(self) -> str:
         return self.shown(7)
+
+
+@dataclass(frozen=True)
+class Certificate(Bracket):
+    """A bracket, and the residuals it was computed from.
+
+    Attributes
+    ----------
+    equilibrium_residual, yield_excess : float
+        Largest over blocks and contacts, in units of the total load (moments over the typical
+        contact size).
+    flow_violation : float
+        Largest missing opening at a contact over the mechanism's largest rate.
+    missing_opening : float
+        Sum of the missing openings at contacts, for live power 1: contact forces below its
+        reciprocal cannot take up that power.
+    """
+
+    equilibrium_residual: float = np.nan
+    yield_excess: float = np.nan
+    flow_violation: float = np.nan
+    missing_opening: float = np.nan
 
 
 def rounded(value: float, digits: int = 7, rounding: str = ROUND_HALF_EVEN) -> str:

@@ -180,20 +180,18 @@ zero-dilatancy) answers without dilatancy
         count = f"{len(self.sliding)} of {self.moving} joints that move"
         slides = "slides and opens" if len(self.sliding) == 1 else "slide and open"
         joints = f"{count} ({named}) {slides}" if named else "joints slip where they open"
+        nearly = ""
+        if self.nearly is not None and self.lacks is not None:
+            short = f" (short by {100.0 * self.lacks:.1g} %)" if self.lacks > TOLERANCE else ""
+            nearly = (
+                f"; at a first look {rounded(self.nearly, 4)} holds without dilatancy{short}, "
+                "which is neither the lowest nor a bound"
+            )
         return (
             f"{joints} by dilatancy, which takes {100.0 * self.share:.3g} % of the live load's "
             "work: the load factor is on the unsafe side, and method 'zero-dilatancy' (--method "
-            f"zero-dilatancy) answers without dilatancy{self._nearly}"
+            f"zero-dilatancy) answers without dilatancy{nearly}"
         )
-
-    @property
-    def _nearly(self) -> str:
-        if self.nearly is None or self.lacks is None:
-            return ""
-        short = f" (short by {100.0 * self.lacks:.1g} %)" if self.lacks > TOLERANCE else ""
-        found = rounded(self.nearly, 4)
-        what = "which is neither the lowest nor a bound"
-        return f"; at a first look {found} holds without dilatancy{short}, {what}"
 
 
 def dilatancy_of(

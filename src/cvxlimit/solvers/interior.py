@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -56,18 +55,12 @@ class Result:
     objective: float
     iterations: int
     seconds: float
-    passed: Sequence[tuple[int, FloatArray]]
-    sizes: tuple[int, int, int]
-
-    @cached_property
-    def way(self) -> Mapping[int, Point]:
-        """The points on the way, by their powers of ten."""
-        return {power: _parted(point, self.sizes) for power, point in self.passed}
+    way: Mapping[int, Point]
 
     @property
     def middle(self) -> Point | None:
-        """The first of them."""
-        return _parted(self.passed[0][1], self.sizes) if self.passed else None
+        """The first on the way."""
+        return next(iter(self.way.values()), None)
 
 
 def minimised(
@@ -90,11 +83,14 @@ def minimised(
     given = _arrays(program)
     c, right, zero = given[0], given[4], given[5]
     sizes = (len(c), zero, len(right) - zero)
-    if (impossible := _impossible(given)) is not None:
+    # an equation without variables that asks for something
+    is_empty = np.bincount(given[2], minlength=len(right))[:zero] == 0
+    impossible = np.flatnonzero(is_empty & (right[:zero] != 0.0))[:1]
+    if len(impossible):
         duals = np.zeros(len(right))
         duals[impossible] = -1.0 / right[impossible]
         point = Point(np.zeros_like(c), duals[:zero], duals[zero:], np.zeros(sizes[2]))
-        return Result(INFEASIBLE, point, np.inf, 0, time.perf_counter() - began, (), sizes)
+        return Result(INFEASIBLE, point, np.inf, 0, time.perf_counter() - began, {})
     size = sum(sizes) + sizes[2]
     joined = [np.concatenate([at.x, at.y, at.z, at.s]) for at in starts if _fits(at, sizes)]
     first = np.concatenate(joined) if joined else np.zeros(0)
@@ -107,8 +103,9 @@ def minimised(
         raise SolverError(f"blockwise: {said}; use another solver")
     status, point = _STATUS[code], _parted(found, sizes)
     objective = {INFEASIBLE: np.inf, UNBOUNDED: -np.inf}.get(status, value)
-    on_the_way = tuple(zip(powers[:passed].tolist(), way, strict=False))
-    return Result(status, point, objective, count, time.perf_counter() - began, on_the_way, sizes)
+    points = zip(powers[:passed].tolist(), way, strict=False)
+    passed_by = {power: _parted(v, sizes) for power, v in points}
+    return Result(status, point, objective, count, time.perf_counter() - began, passed_by)
 
 
 _NO_ORDER = np.zeros(0, dtype=np.int64)
@@ -145,14 +142,6 @@ def _arrays(program: Program) -> tuple[Any, ...]:
     c, A, b, (zero, orthant, soc) = program
     indptr, indices = (part.astype(np.int32, copy=False) for part in (A.indptr, A.indices))
     return c, indptr, indices, A.data, b, zero, orthant, np.array(soc, dtype=np.int64)
-
-
-def _impossible(given: tuple[Any, ...]) -> int | None:
-    """An equation without variables that asks for something."""
-    _, _, indices, _, b, zero, *_ = given
-    is_empty = np.bincount(indices, minlength=len(b))[:zero] == 0
-    found = np.flatnonzero(is_empty & (b[:zero] != 0.0))
-    return int(found[0]) if len(found) else None
 
 
 def _fits(at: Point, sizes: tuple[int, int, int]) -> bool:

@@ -22,7 +22,6 @@ from cvxlimit.methods.dilatancy.lifted import Lifted, LiftedBound, lifted_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.dilatancy.pair import Pair, pressed
 from cvxlimit.methods.driver import Method, Run, Steps
-from cvxlimit.proof.assumptions import assumptions
 from cvxlimit.solution import Member, Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState
@@ -136,7 +135,7 @@ class ZeroDilatancy(Method):
         """What the bounds rest on; that by products says so where it is named."""
         bracket = run.best.bracket
         told = bracket if bracket.lower_is_proved else replace(bracket, lower=-np.inf)
-        return assumptions(told)
+        return told.basis
 
 
 Found = tuple[Member, LimitState]

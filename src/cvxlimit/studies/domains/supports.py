@@ -22,14 +22,13 @@ from cvxlimit.model.goals import LargestFactor, Stated, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
-from cvxlimit.proof.assumptions import REFERENCE
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load, combined
 from cvxlimit.solution import Solution, Status
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.bracket import REFERENCE, Bracket
 from cvxlimit.studies.domains.images import LoadMirror, Raw, load_mirrors
 from cvxlimit.studies.domains.polytopes import FLAT
 from cvxlimit.surfaces.base import times

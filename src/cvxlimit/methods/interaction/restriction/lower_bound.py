@@ -21,7 +21,6 @@ from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
 from cvxlimit.model.goals import LargestFactor
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statics import block_sizes
-from cvxlimit.proof.assumptions import REFERENCE
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import Strength
 from cvxlimit.readings.moments import Moments
@@ -29,7 +28,7 @@ from cvxlimit.readings.states.majorants import Point
 from cvxlimit.readings.states.pressure import centres
 from cvxlimit.readings.states.support import half_extent
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import TOLERANCE, Bracket
+from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Bracket
 from cvxlimit.solvers import LimitState, default_ladder, tight_ladder
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
