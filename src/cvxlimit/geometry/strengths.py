@@ -13,6 +13,8 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
+import numpy as np
+
 from cvxlimit.base.checks import not_negative, of_type, strength
 from cvxlimit.errors import InputError
 
@@ -82,6 +84,21 @@ class SceneJoints(JointValues[float]):
             own = own_values(what, getattr(self, f"contact_{what}"), blocks)
             object.__setattr__(self, what, value)
             object.__setattr__(self, f"contact_{what}", own)
+
+    def _given_to(self, contacts: Any) -> Any:
+        """Returns contacts with these properties. Every exception has to be of one of them."""
+        values: dict[str, Any] = {}
+        for what in PROPERTIES:
+            values[what] = default = getattr(self, what)
+            own: ByPair = getattr(self, f"contact_{what}")
+            for a, b in sorted(set(own).difference(contacts.pairs)) if own else ():
+                raise InputError(
+                    f"{what} is given for contact {a!r}-{b!r}, but these blocks do not touch: "
+                    "remove the entry or move the blocks"
+                )
+            if own:
+                values[what] = np.array([own.get(pair, default) for pair in contacts.pairs])
+        return contacts.with_values(**values)
 
     def _scaled_joints(self, pressure: float) -> dict[str, Any]:
         result = self.joint_values

@@ -2,8 +2,9 @@
 
 from cvxlimit.scene.loads import GRAVITY, Load, PointForce
 from cvxlimit.scene.pressures import Pressure
-from cvxlimit.scene.scene import METRES, Scene, Units, check_scene
+from cvxlimit.scene.scene import Scene, check_scene
 from cvxlimit.scene.ties import Tie
+from cvxlimit.scene.units import METRES, Units
 
 __all__ = [
     "GRAVITY", "METRES", "Load", "PointForce", "Pressure", "Scene", "Tie", "Units", "check_scene",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from types import MappingProxyType
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray, IntArray, RemadeFromFields
-from cvxlimit.base.checks import finite_vector, members, of_type
+from cvxlimit.base.checks import finite_vector, meant, members, of_type
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
@@ -210,6 +210,19 @@ class Load(RemadeFromFields):
         yield from self.weights
         yield from (point.block for point in self.points)
         yield from (pressure.block for pressure in self.pressures)
+
+    def check_blocks(self, case: str, blocks: Collection[str], supports: Collection[str]) -> None:
+        """Refuse a load, called ``case``, on what is no block of the scene or is a support."""
+        for key in self.named:
+            if key not in blocks:
+                cure = meant(key, blocks) or "name one of its blocks"
+                raise InputError(
+                    f"the {case} load names block {key!r}, which is not in the scene; {cure}"
+                )
+            if key in supports:
+                raise InputError(
+                    f"the {case} load acts on block {key!r}, which is a support and cannot move"
+                )
 
     def on(self, blocks: Iterable[Block]) -> FloatArray:
         """Generalised forces (n, 6) on ``blocks``, about their centroids; see :meth:`actions`."""

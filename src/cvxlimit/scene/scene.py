@@ -22,30 +22,10 @@ from cvxlimit.geometry.detection import Detection, detect
 from cvxlimit.geometry.lumped import Lumped, lumped_at
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.geometry.strengths import PROPERTIES, ByPair, SceneJoints
-from cvxlimit.scene.loads import GRAVITY, Load, PointForce
-from cvxlimit.scene.pressures import Pressure
+from cvxlimit.scene.loads import GRAVITY, Load
 from cvxlimit.scene.settling import SupportMotion, check_motions
-from cvxlimit.scene.ties import Tie, with_ties
-
-__all__ = ["GRAVITY", "Load", "PointForce", "Pressure", "Scene", "Units"]
-
-METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
-
-_VAST = 100.0
-"""Metres: no stone is as large, nor a facade that is taken as one; bricks in millimetres are."""
-"""Units of length that can be converted, in metres."""
-
-
-@dataclass(frozen=True)
-class Units:
-    """Names of the user's units; results come back in them. Nothing is converted."""
-
-    length: str = "m"
-    force: str = "kN"
-
-    def __post_init__(self) -> None:
-        for name in ("length", "force"):
-            of_type(getattr(self, name), str, f"unit of {name} must be a text")
+from cvxlimit.scene.ties import Tie, check_ties, with_ties
+from cvxlimit.scene.units import DEFAULT_UNITS, Units
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +81,7 @@ class Scene(RemadeFromFields, SceneJoints):
     live: Load
     dead: Load = GRAVITY
     _: KW_ONLY
-    units: Units = Units()
+    units: Units = DEFAULT_UNITS
     name: str = "scene"
     joint_tolerance: float | None = None
     ties: tuple[Tie, ...] = ()
@@ -125,7 +105,11 @@ class Scene(RemadeFromFields, SceneJoints):
         ):
             if name in changed:
                 object.__setattr__(self, name, members(getattr(self, name), kind, what, cure))
-        _check_kinds(self)
+        of_type(self.name, str, "name of the scene must be a text")
+        of_type(self.units, Units, "units of the scene must be Units", 'write Units("mm", "N")')
+        for case in ("live", "dead"):
+            cure = "write Load(acceleration=(1, 0, 0)), or Load() for none"
+            of_type(getattr(self, case), Load, f"the {case} load must be a Load", cure)
         others = {*changed} - self.joint_values.keys()
         if len(others) < len(changed) or "blocks" in changed:
             self._check_joints({block.id for block in self.blocks})
@@ -137,7 +121,14 @@ class Scene(RemadeFromFields, SceneJoints):
         if "settling" in others:
             check_motions(self.settling, self.supports, self.name)
         if others & {*_SHAPES, "dead", "live"}:
-            _check_loads(self)
+            known, fixed = {block.id for block in self.blocks}, set(self.supports)
+            self.dead.check_blocks("dead", known, fixed)
+            self.live.check_blocks("live", known, fixed)
+            if not np.any(self.live_forces):
+                raise InputError(
+                    "the live load is zero everywhere: give it an acceleration or forces on free "
+                    "blocks (an acceleration needs blocks with weight)"
+                )
 
     def __repr__(self) -> str:
         """One line: name, numbers of blocks, friction."""
@@ -152,7 +143,7 @@ class Scene(RemadeFromFields, SceneJoints):
     def contacts(self) -> Contacts:
         """All contacts, detected on first use and kept; see :func:`detect`."""
         given = self.__dict__.get("_given_contacts")
-        return given or with_ties(self._with_own(self._detection.contacts), self.ties)
+        return given or with_ties(self._given_to(self._detection.contacts), self.ties)
 
     @property
     def near_misses(self) -> tuple[NearMiss, ...]:
@@ -173,10 +164,7 @@ class Scene(RemadeFromFields, SceneJoints):
     def told(self) -> tuple[str, ...]:
         """What detection leaves out or simplifies, and stones of no quarry, a sentence each."""
         lumped = "" if self.lumped is None else str(self.lumped)
-        unit, vast = self.units.length, ""
-        most = METRES.get(unit, 0.0) * max(self.blocks[i].size for i in self.free)
-        if most > _VAST:
-            vast = f"the largest block is {most:.3g} m across: are coordinates in {unit}?"
+        vast = self.units.doubt(max(self.blocks[i].size for i in self.free))
         return tuple(said for said in (self.near_miss_note, lumped, vast) if said)
 
     @cached_property
@@ -291,26 +279,13 @@ class Scene(RemadeFromFields, SceneJoints):
         results back. Features and modifiers are applied. Supports are those that the model marks.
         Materials have kg/m³, which become weights per volume in kN and m, N and mm and so on.
 
-        Parameters
-        ----------
-        model
-            The object itself; for its file see :func:`cvxlimit.io.import_geometry`.
-        friction, live, length_unit, up, options
-            As for :func:`cvxlimit.io.import_geometry`, ``density``, ``supports`` and others;
-            without ``live`` a push along x.
+        Of a file, :func:`cvxlimit.io.import_geometry` makes a scene, and the arguments are its:
+        ``density``, ``supports`` and others; without ``live`` a push along x.
 
         Raises
         ------
         InputError
             If an element is no block, or the model says no supports or no densities.
-
-        Example
-        -------
-        .. code-block:: python
-
-            scene = Scene.from_compas(model, friction=0.7, density=20.0)
-            results = solve(scene).to_compas(model)
-            viewer.add_solution(results)  # the DEMViewer of compas_dem
         """
         given = {"friction": friction, "length_unit": length_unit, "up": up}
         return attached("scene_from_compas")(model, live, **given, **options)
@@ -386,9 +361,8 @@ class Scene(RemadeFromFields, SceneJoints):
     def _beside(self, name: str, value: object) -> Scene:
         """The same scene, whose contacts follow from something else."""
         copy = object.__new__(type(self))
-        copy.__dict__.update(self.__dict__)
+        copy.__dict__.update(self.__dict__, **{name: value})
         copy.__dict__.pop("contacts", None)
-        copy.__dict__[name] = value
         return copy
 
     @cached_property
@@ -429,20 +403,6 @@ class Scene(RemadeFromFields, SceneJoints):
         pickles, other units and other strengths know nothing of them."""
         return self._beside("_given_contacts", contacts)
 
-    def _with_own(self, contacts: Contacts) -> Contacts:
-        values: dict[str, Any] = {}
-        for what in PROPERTIES:
-            values[what] = default = getattr(self, what)
-            own: ByPair = getattr(self, f"contact_{what}")
-            for a, b in sorted(set(own).difference(contacts.pairs)) if own else ():
-                raise InputError(
-                    f"{what} is given for contact {a!r}-{b!r}, but these blocks do not touch: "
-                    "remove the entry or move the blocks"
-                )
-            if own:
-                values[what] = np.array([own.get(pair, default) for pair in contacts.pairs])
-        return contacts.with_values(**values)
-
 
 _SHAPES = frozenset({"blocks", "supports"})
 _FOLLOW_FROM: dict[str, frozenset[str]] = {
@@ -466,30 +426,15 @@ def check_scene(value: Any) -> None:
     of_type(value, Scene, "scene must be a Scene", cure)
 
 
-def _check_kinds(scene: Scene) -> None:
-    of_type(scene.name, str, "name of the scene must be a text")
-    of_type(scene.units, Units, "units of the scene must be Units", 'write Units("mm", "N")')
-    for case in ("live", "dead"):
-        cure = "write Load(acceleration=(1, 0, 0)), or Load() for none"
-        of_type(getattr(scene, case), Load, f"the {case} load must be a Load", cure)
-
-
 def _check_ids(scene: Scene) -> None:
-    ids = [block.id for block in scene.blocks]
-    known = set(ids)
+    known = set(ids := [block.id for block in scene.blocks])
     if (twice := first_twice(ids)) is not None:
         raise InputError(f"block id {twice!r} is used twice: ids must be unique")
     for key in scene.supports:
         if key not in known:
             cure = meant(key, known) or "add it to the blocks"
             raise InputError(f"support {key!r} is not a block of the scene; {cure}")
-    for tie in scene.ties:
-        for key in (tie.a, tie.b):
-            if key not in known:
-                cure = meant(key, known) or "add it to the blocks"
-                raise InputError(f"tie {tie.a!r}-{tie.b!r}: there is no block {key!r}; {cure}")
-        if tie.a in scene.supports and tie.b in scene.supports:
-            raise InputError(f"tie {tie.a!r}-{tie.b!r} joins two supports, which do not move")
+    check_ties(scene.ties, known, set(scene.supports))
     if (twice := first_twice(scene.supports)) is not None:
         raise InputError(f"support {twice!r} is listed twice")
     if not len(scene.free):
@@ -503,24 +448,3 @@ def _check_ids(scene: Scene) -> None:
                 "per volume, or name the block among the supports"
                 + ("" if scene.supports else ", of which the scene has none")
             )
-
-
-def _check_loads(scene: Scene) -> None:
-    known = {block.id for block in scene.blocks}
-    fixed = set(scene.supports)
-    for case, load in (("dead", scene.dead), ("live", scene.live)):
-        for key in load.named:
-            if key not in known:
-                cure = meant(key, known) or "name one of its blocks"
-                raise InputError(
-                    f"the {case} load names block {key!r}, which is not in the scene; {cure}"
-                )
-            if key in fixed:
-                raise InputError(
-                    f"the {case} load acts on block {key!r}, which is a support and cannot move"
-                )
-    if not np.any(scene.live_forces):
-        raise InputError(
-            "the live load is zero everywhere: give it an acceleration or forces on free blocks "
-            "(an acceleration needs blocks with weight)"
-        )

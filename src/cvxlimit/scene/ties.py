@@ -6,13 +6,13 @@ tensile strength that adds up to its yield force.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import finite_vector, of_type, positive
+from cvxlimit.base.checks import finite_vector, meant, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 
@@ -69,6 +69,17 @@ class Tie:
         """Returns the tie in other units."""
         start, end = (tuple(length * np.array(p)) for p in (self.start, self.end))
         return replace(self, start=start, end=end, yield_force=force * self.yield_force)
+
+
+def check_ties(ties: Sequence[Tie], blocks: Collection[str], supports: Collection[str]) -> None:
+    """Refuse ties of blocks that are not there, and ties between two supports."""
+    for tie in ties:
+        for key in (tie.a, tie.b):
+            if key not in blocks:
+                cure = meant(key, blocks) or "add it to the blocks"
+                raise InputError(f"tie {tie.a!r}-{tie.b!r}: there is no block {key!r}; {cure}")
+        if tie.a in supports and tie.b in supports:
+            raise InputError(f"tie {tie.a!r}-{tie.b!r} joins two supports, which do not move")
 
 
 def with_ties(contacts: Contacts, ties: Sequence[Tie]) -> Contacts:

@@ -33,15 +33,13 @@ from cvxlimit.io.geometry.dxf import read_dxf
 from cvxlimit.io.geometry.meshes import MESHES, read_mesh
 from cvxlimit.io.geometry.obj import read_obj
 from cvxlimit.io.geometry.off import read_off
-from cvxlimit.io.geometry.sheets import is_sheet, slab, thickness_for
+from cvxlimit.io.geometry.sheets import is_sheet, with_slabs
 from cvxlimit.io.geometry.supports import LOWEST, refuse_all_lowest, supports_of
 from cvxlimit.io.geometry.tables import read_table
-from cvxlimit.scene import METRES, Scene, Units
-from cvxlimit.scene.loads import Load
+from cvxlimit.scene import METRES, Load, Scene, Units
+from cvxlimit.scene.units import KILONEWTONS
 
 AXES = ("x", "y", "z")
-
-KILONEWTONS = {"kN": 1.0, "N": 1e-3, "MN": 1e3}
 
 G = 9.80665
 """Standard gravity, m/s²."""
@@ -150,7 +148,10 @@ def import_geometry(
     ('ground-tower',)
     """
     with refusals():
-        _check_asked(up, joint_tolerance)
+        if up not in AXES:
+            raise InputError(f"up must be x, y or z, got {up!r}")
+        if joint_tolerance is not None:
+            positive(joint_tolerance, "joint_tolerance")
         notes, own = list[str](), is_object(paths)
         files = [] if own else _files(paths)
         bodies = _unique(bodies_of(paths) if own else _read(files), notes)
@@ -173,7 +174,7 @@ def import_geometry(
         axis = np.eye(3)[AXES.index(up)]
         try:
             fixed = supports_of(bodies, supports, axis, notes)
-            bodies = _with_slabs(bodies, fixed, notes)
+            bodies = with_slabs(bodies, fixed, notes)
             with refusals(file_prefix(files[0]) if len(files) == 1 else ""):
                 blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
             if supports == LOWEST:
@@ -201,13 +202,6 @@ def import_geometry(
             )
         notes += _strange_density(scene)
         return Imported(scene, tuple(map(str, files)), tuple(notes))
-
-
-def _check_asked(up: str, joint_tolerance: float | None) -> None:
-    if up not in AXES:
-        raise InputError(f"up must be x, y or z, got {up!r}")
-    if joint_tolerance is not None:
-        positive(joint_tolerance, "joint_tolerance")
 
 
 def _converted(bodies: list[Body], given: str, asked: str | None) -> tuple[list[Body], str]:
@@ -423,27 +417,6 @@ def unstated(
     loose = [body for body, fixed in zip(bodies, is_fixed, strict=True) if not fixed]
     lacks = density is None and any(body.density is None for body in loose)
     return ["supports"] * (supports is None and len(loose) == len(bodies)) + ["density"] * lacks
-
-
-def _with_slabs(bodies: list[Body], fixed: set[str], notes: list[str]) -> list[Body]:
-    """Sheets as slabs: a plane of no thickness bears what stands on it, but is no stone."""
-    sheets = [body for body in bodies if is_sheet(body)]
-    if not sheets:
-        return bodies
-    loose = [body for body in sheets if body.name not in fixed]
-    if loose:
-        raise InputError(
-            f"block {shown(loose[0].name)} is a plane of no thickness, which encloses no stone: it "
-            "can only be a support; name it among the supports (--supports), or remove it"
-        )
-    others = [body for body in bodies if not is_sheet(body)]
-    deep = thickness_for(others)
-    notes += [
-        f"{shown(body.name)} is a plane of no thickness, taken as support: in the scene a slab of "
-        f"{deep:.3g} lies behind it"
-        for body in sheets
-    ]
-    return [slab(body, others, deep) if is_sheet(body) else body for body in bodies]
 
 
 def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:

@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import EdgeTable, area_vectors
+from cvxlimit.io.fields import shown
 from cvxlimit.io.geometry.bodies import Body, is_plane, merged
 
 
@@ -22,7 +24,28 @@ def is_sheet(body: Body) -> bool:
     )  # corners may span what no face does
 
 
-def slab(sheet: Body, others: Sequence[Body], thickness: float) -> Body:
+def with_slabs(bodies: list[Body], fixed: set[str], notes: list[str]) -> list[Body]:
+    """Sheets as slabs: a plane of no thickness bears what stands on it, but is no stone."""
+    sheets = [body for body in bodies if is_sheet(body)]
+    if not sheets:
+        return bodies
+    loose = [body for body in sheets if body.name not in fixed]
+    if loose:
+        raise InputError(
+            f"block {shown(loose[0].name)} is a plane of no thickness, which encloses no stone: it "
+            "can only be a support; name it among the supports (--supports), or remove it"
+        )
+    others = [body for body in bodies if not is_sheet(body)]
+    deep = _thickness_for(others)
+    notes += [
+        f"{shown(body.name)} is a plane of no thickness, taken as support: in the scene a slab of "
+        f"{deep:.3g} lies behind it"
+        for body in sheets
+    ]
+    return [_slab(body, others, deep) if is_sheet(body) else body for body in bodies]
+
+
+def _slab(sheet: Body, others: Sequence[Body], thickness: float) -> Body:
     """The sheet as a slab that lies behind it, seen from where most of the other bodies are."""
     points, number = merged(sheet.vertices, np.arange(len(sheet.vertices)))
     faces = [[int(number[i]) for i in face] for face in sheet.faces]
@@ -42,6 +65,6 @@ def slab(sheet: Body, others: Sequence[Body], thickness: float) -> Body:
     return replace(sheet, vertices=np.vstack([points, below]), faces=[*faces, *under, *sides])
 
 
-def thickness_for(others: Sequence[Body]) -> float:
+def _thickness_for(others: Sequence[Body]) -> float:
     """Of a slab behind a sheet: no thinner than any of the others, whose joint tolerance counts."""
     return max((float(np.ptp(b.vertices, axis=0).min()) for b in others), default=0.0)
