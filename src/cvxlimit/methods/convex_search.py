@@ -213,9 +213,10 @@ class ConvexSearch:
     def _solvers_in_turn(self) -> _Ends:
         is_cut, stalled = False, set[str]()
         for settings in self.ladder:
-            if settings.name in stalled and self.run.best.bracket.has_both:
+            has_bracket = self.run.best.bracket.has_both
+            if has_bracket and settings.name in stalled:
                 continue
-            if self._is_too_long(settings):
+            if has_bracket and not self.run.ladder and self._is_too_long(settings):
                 is_cut = True
                 continue
             state = self._attempt(settings)
@@ -244,8 +245,6 @@ class ConvexSearch:
 
     def _is_too_long(self, settings: SolverSettings) -> bool:
         run, spent = self.run, self.run.clock.elapsed
-        if run.ladder or not run.best.bracket.has_both:
-            return False
         pace, growth = settings.row.pace
         takes = pace * self.problem.shape.variables**growth
         if takes < spent or spent + takes < self.budget:

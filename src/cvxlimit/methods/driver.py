@@ -156,7 +156,8 @@ class Run:
             check_scene(scene)
         with self.clock.phase("detect"):
             self.contacts = scene.contacts
-        refuse_lost_cohesion(self.surfaces, self.contacts)
+        if np.any(self.contacts.cohesion):
+            refuse_lost_cohesion(self.surfaces, self.contacts)
         with self.clock.phase("compile"):
             self.assemblage = given = Assemblage.of(scene)
             self.given, self.repeats = given.scene, given.repeats

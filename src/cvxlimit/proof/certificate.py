@@ -388,7 +388,7 @@ class Certifier:
         rates, dissipation = mechanism, found.dissipation
         if field is not None and is_allowed:
             rates = mechanism + share * field
-            if not self.strength.is_cone and share > 0.0:
+            if share > 0.0 and not self.strength.is_cone:
                 opened = self.strength.flow.opened(self.statics.relative_rates(field))
                 dissipation += share * opened.dissipation
         lacks = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())

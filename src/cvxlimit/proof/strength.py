@@ -95,9 +95,10 @@ class Strength:
     ) -> Strength:
         """Returns what the constructor makes. What follows from contacts and surfaces alone is made
         once for all scenes that have these, where the assemblage keeps anything."""
-        own = partial(cls, assemblage, surfaces, formulation)
-        about, contacts = strength_key(surfaces, assemblage.contacts), assemblage.contacts
-        if assemblage.repeats is None or about is None or formulation is not corner_compressions:
+        own, contacts = partial(cls, assemblage, surfaces, formulation), assemblage.contacts
+        if assemblage.repeats is None or formulation is not corner_compressions:
+            return own()
+        if (about := strength_key(surfaces, contacts)) is None:
             return own()
 
         def made() -> Strength:

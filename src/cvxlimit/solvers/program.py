@@ -98,11 +98,10 @@ class ConeProgram:
         all_duals: bool = False,
     ) -> tuple[Outcome, FloatArray | None, FloatArray | None]:
         """One run of one solver: outcome, x, and the duals (zero,) of the equations, or (m,) of all
-        rows. Solvers that
-        start from the program before leave what they need in ``cache``, a point on the way to the
-        answer under ``"middle"``; where the start is not to be warm they take the structure from
-        there, which is that of any program of this pattern, and start from one of its ``"starts"``,
-        points nearest to the answer first, if there are any.
+        rows. Solvers that start from the program before leave what they need in ``cache``, a point
+        on the way to the answer under ``"middle"``; where the start is not to be warm they take the
+        structure from there, which is that of any program of this pattern, and start from one of
+        its ``"starts"``, points nearest to the answer first, if there are any.
 
         Solvers whose interfaces need more than these matrices get them through CVXPY, all of them
         the same problem. Never raises for what the solver does; see
@@ -114,7 +113,28 @@ class ConeProgram:
 
         def compiled() -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
             solver = SOLVER_MAP_CONIC[row.name] if row.plug_in is None else row.plug_in()
-            data, inverse = self._data(row.splits_equations, all_duals)
+            # matrices and sizes of cones as CVXPY's interfaces take them, and what they read back
+            p, rows = self.zero, len(self.right)
+            dims = SimpleNamespace(
+                zero=p, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]
+            )
+            data: dict[str, Any] = {
+                keys.C: self.cost,
+                ConicSolver.DIMS: dims,
+                "enough": self.enough,
+            }
+            data |= {keys.A: self.matrix, keys.B: self.right}
+            if row.splits_equations:
+                by_row = self.matrix.tocsr()
+                data |= {keys.A: by_row[:p].tocsc(), keys.B: self.right[:p]}
+                data |= {keys.G: by_row[p:].tocsc(), keys.H: self.right[p:]}
+            inverse = {
+                ConicSolver.VAR_ID: 0,
+                ConicSolver.DIMS: dims,
+                ConicSolver.EQ_CONSTR: [_equations(p)],
+                ConicSolver.NEQ_CONSTR: [_equations(rows - p)] if all_duals else [],
+                keys.OFFSET: 0.0,
+            }
             kept = cache if row.starts_warm else None
             starts = is_warm and kept is not None
             solve = partial(solver.solve_via_data, data, starts, settings.verbose, options, kept)
@@ -156,29 +176,6 @@ class ConeProgram:
             own = [self.right[first + i] - rows[first + i] @ x for i in range(size)]
             stated.append(cp.SOC(own[0], cp.vstack(own[1:]), axis=0) if size > 1 else own[0] >= 0)
         return cp.Problem(cp.Minimize(self.cost @ x), stated), x, equations
-
-    def _data(self, is_split: bool, all_duals: bool) -> tuple[dict[str, Any], dict[str, Any]]:
-        p = self.zero
-        dims = SimpleNamespace(
-            zero=p, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]
-        )
-        data = {keys.C: self.cost, ConicSolver.DIMS: dims, keys.A: self.matrix, keys.B: self.right}
-        data["enough"] = self.enough
-        if is_split:
-            equations, others = self._split()
-            data |= {keys.A: equations, keys.B: self.right[:p]}
-            data |= {keys.G: others, keys.H: self.right[p:]}
-        return data, {
-            ConicSolver.VAR_ID: 0,
-            ConicSolver.DIMS: dims,
-            ConicSolver.EQ_CONSTR: [_equations(p)],
-            ConicSolver.NEQ_CONSTR: [_equations(len(self.right) - p)] if all_duals else [],
-            keys.OFFSET: 0.0,
-        }
-
-    def _split(self) -> tuple[sp.csc_array, sp.csc_array]:
-        rows = self.matrix.tocsr()
-        return rows[: self.zero].tocsc(), rows[self.zero :].tocsc()
 
 
 @cache

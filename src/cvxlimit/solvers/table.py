@@ -143,8 +143,8 @@ class SolverSettings:
     @property
     def row(self) -> Solver:
         """What is known of the solver; of one without a row, that it has cones."""
-        own = Solver(self.name, plug_in=self.plug_in)
-        return own if self.plug_in is not None else SOLVERS.get(self.name, own)
+        known = SOLVERS.get(self.name) if self.plug_in is None else None
+        return known or Solver(self.name, plug_in=self.plug_in)
 
 
 def settings_for(

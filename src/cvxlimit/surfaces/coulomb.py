@@ -14,7 +14,6 @@ from cvxlimit.surfaces.base import (
     Condition,
     Norm,
     YieldSurface,
-    is_some,
     slip_resistance,
 )
 from cvxlimit.surfaces.cones import Cone, Conic, Facets, Parabola, parse_cone
@@ -128,8 +127,6 @@ def strength_key(surfaces: Sequence[YieldSurface], contacts: Contacts) -> Hashab
 
 def refuse_lost_cohesion(surfaces: Sequence[YieldSurface], contacts: Contacts) -> None:
     """Cohesion is part of what slip works against, which one's own surfaces may have forgotten."""
-    if not is_some(contacts.cohesion):
-        return
     for surface in surfaces:
         own = () if type(surface) in BUILT_IN.values() else surface.conditions(contacts)
         slips = [c.resistance for c in own if c.norms and "N" in c.resistance]
@@ -181,7 +178,11 @@ def surfaces_of(
             "surface must be a name like 'octagon', a Cone, or a list of YieldSurface objects, "
             f"got {surface!r}"
         )
-    return surfaces, "+".join(map(_said, surfaces))
+    names = []
+    for each in surfaces:
+        own = "" if BUILT_IN.get(each.name) in (None, type(each)) else " of one's own"
+        names.append(f"{each.name}{own}({each.cone})")
+    return surfaces, "+".join(names)
 
 
 def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurface, ...] | None:
@@ -202,12 +203,6 @@ def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurfa
     except (KeyError, ValueError, ModelError):
         return None
     return tuple(made)
-
-
-def _said(surface: YieldSurface) -> str:
-    kind = BUILT_IN.get(surface.name)
-    own = "" if kind in (None, type(surface)) else " of one's own"
-    return f"{surface.name}{own}({surface.cone})"
 
 
 def words_of(name: str) -> dict[str, str]:
