@@ -46,8 +46,8 @@ in each other, and ten times what solvers leave."""
 _SURE, _FEW, _MANY = 6, 12, 24
 """Iterates: rocking takes 3 to 6, and sliding where slips keep their direction; what has not
 settled in 24 goes to and fro, or loses a quarter of its movement with each: a contact that closes
-in the step, and slides then, has no slip to begin with. After twelve ``SETTLED`` is enough: digits end where
-mechanisms compete."""
+in the step, and slides then, has no slip to begin with. After twelve ``SETTLED`` is enough: digits
+end where mechanisms compete."""
 
 _FAR = 1e-3
 """Movement over the contact size from which two iterates lead to the end, each from the answer
