@@ -120,8 +120,8 @@ class Members(Method):
     def measure(self, scene: Scene) -> Row:
         """See :class:`Method`."""
         start = time.perf_counter()
-        starts, most = (1, 20) if len(scene.contacts) > MANY else (2, 60)
-        rule = ZeroDilatancy(starts=starts, tolerance=1e-4, descents=0, max_iterations=most)
+        starts = 1 if len(scene.contacts) > MANY else 2
+        rule = ZeroDilatancy(starts=starts, tolerance=1e-4, descents=0, max_iterations=60)
         found = solve(scene, method=rule)
         seconds = time.perf_counter() - start
         return Row(status=str(found.status), load_factor=found.load_factor, total=seconds)
