@@ -155,11 +155,12 @@ class ConvexSearch:
         if status is None and self.run.reductions:  # none of it is believed: the full model decides
             self._take("full")
             status = yield from self._solvers_in_turn()
+        if status is not None:
+            return status
         best = self.run.best.bracket
         is_harmful = best.upper_is_proved and not self.run.is_boundless(best.upper)
-        if status is None and not is_harmful and self._is_harmless():
-            return Status.LIVE_LOAD_HARMLESS
-        return status or Status.NOT_CERTIFIED
+        harmless = not is_harmful and self._is_harmless()
+        return Status.LIVE_LOAD_HARMLESS if harmless else Status.NOT_CERTIFIED
 
     def held(self) -> Held:
         """Finds with which part of the live load the dead load stands that does not stand alone."""

@@ -86,12 +86,6 @@ TABLE: Mapping[str, Row] = MappingProxyType({row.method.name: row for row in _RO
 """All methods by name."""
 
 
-def kind_of(surface: Surface) -> str:
-    if str(surface) in ("conic", PARABOLIC):
-        return str(surface)
-    return "facets" if isinstance(surface, (str, Cone)) and surface not in NAMED else "own"
-
-
 def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str, Any]) -> Method:
     """The method that a call means, with the settings that are not None; refuses a surface, or a
     setting, that does not go with it."""
@@ -99,9 +93,12 @@ def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str,
     if isinstance(asked, str) or not isinstance(asked, Method):
         check_choice("method", asked, TABLE)
         asked = TABLE[asked].method
+    kind = "facets" if isinstance(surface, (str, Cone)) and surface not in NAMED else "own"
+    if str(surface) in ("conic", PARABOLIC):
+        kind = str(surface)
     row = TABLE.get(asked.name)
-    if row is not None and kind_of(surface) not in row.surfaces:
-        takes = [name for name, row in TABLE.items() if kind_of(surface) in row.surfaces]
+    if row is not None and kind not in row.surfaces:
+        takes = [name for name, row in TABLE.items() if kind in row.surfaces]
         raise ModelError(
             f"method {asked.name!r} goes with surface {' or '.join(row.surfaces)}, got "
             f"{_called(surface)}: that goes with method {' or '.join(map(repr, takes))}"
