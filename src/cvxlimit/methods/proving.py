@@ -72,17 +72,16 @@ def solution_checks(
         )
     if solution.quantity != LOAD_FACTOR:
         return [Check(solution.quantity, False, "only load factors can be proved again")]
-    return list(_Again(held, _surfaces(solution, surface), moments, formulation).checks())
+    return list(_ProvedAgain(held, _surfaces(solution, surface), moments, formulation).checks())
 
 
 def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
+    """The surfaces given, or else those that the solution names, or else those that it holds."""
     if given is not None:
         return surfaces_of(given)[0]
-    found = surfaces_named(solution.surface, solution.torsion_shear)
-    if solution.torsion_shear == "exact":
-        found = surfaces_of(solution.surface)[0]
-    found = found or solution.surfaces
-    if not found:
+    is_exact, name = solution.torsion_shear == "exact", solution.surface
+    named = surfaces_of(name)[0] if is_exact else surfaces_named(name, solution.torsion_shear)
+    if not (found := named or solution.surfaces):
         raise InputError(
             f"the solution of {solution.scene_name!r} rests on surfaces of one's own "
             f"({solution.surface}), which no file holds: give them as surface=[...]"
@@ -90,7 +89,7 @@ def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
     return found
 
 
-class _Again:
+class _ProvedAgain:
     """A solution, and the run that it would be of, without any solve for its answer."""
 
     def __init__(
@@ -116,7 +115,7 @@ class _Again:
             self.forces = np.array(self.forces)
             self.forces[:, COLUMN["N"]] += self.run.mortar.pull
 
-    def _turned(self, end: LowerEnd) -> _Again:
+    def _turned(self, end: LowerEnd) -> _ProvedAgain:
         """The lower end of an interval as a largest load factor, of the live load turned round."""
         again, statics = copy(self), self.run.assemblage.statics
         state, factor = self._state_between
@@ -167,11 +166,8 @@ class _Again:
         flow = ExactFlow(self.run.contacts)
         certifier = Certifier(self.run.assemblage, (Rocking(),), flow=flow)
         for check in self._ends([certifier.certificate(None, None, self.mechanism)]):
-            if check.claim.startswith("lower"):
-                held = "the file holds what contacts transfer, and not friction at their points"
-                yield replace(check, found=held)
-            else:
-                yield check
+            held = "the file holds what contacts transfer, and not friction at their points"
+            yield replace(check, found=held) if check.claim.startswith("lower") else check
 
     # Without interaction
 

@@ -62,7 +62,7 @@ class Solution:
     note : str
         What the status rests on, in a sentence; empty if there is nothing to add.
     versions : mapping of distribution to version
-        cvxlimit, CVXPY and every solver that ran; empty where they are not known.
+        cvxlimit, CVXPY and every solver that ran.
     torsion_shear : str
         ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``.
     flow : str
@@ -88,20 +88,18 @@ class Solution:
     contact_names : tuple of str
         In the order of ``forces``; empty for a file of a version below 0.2.
     scene_digest : str
-        For a solution read from a file, the digest of its scene
-        (:func:`~cvxlimit.io.scene_digest`); empty for one that has its scene, and for older files.
+        Of a file, the digest of its scene (:func:`~cvxlimit.io.scene_digest`); else empty.
     units : Units or None
         Units of all numbers; None for a file of a version below 0.2.
     lumped : Lumped or None
-        Faces that contacts take as planes that they are not in, and by which angle; None without
-        any, and for a file of a version below 0.3.
+        As of the scene; None for a file of a version below 0.3.
     solved_scene : Scene or None
-        What was solved; None for a solution read from a file, to which :meth:`of` gives it.
+        What was solved; None for a solution read from a file. What needs the scene raises
+        InputError until :meth:`of` gives it.
     surfaces : tuple of YieldSurface
-        What limited the contact forces; empty for a solution read from a file. Surfaces of one's
-        own pickle if they are in a module, which must be importable to unpickle. Strength that a
-        formulation states itself (friction at corners, stone that crushes) is not among them, and
-        not in the utilisation of tables and pictures.
+        What limited the contact forces; empty for a solution read from a file. Strength
+        that a formulation states itself (friction at corners, stone that crushes) is not among
+        them, and not in the utilisation of tables and pictures.
     """
 
     scene_name: str
@@ -136,10 +134,9 @@ class Solution:
     lumped: Lumped | None = None
 
     def __post_init__(self) -> None:
-        if self.solved_scene is not None:
-            object.__setattr__(self, "contact_names", self.solved_scene.contacts.names)
-            object.__setattr__(self, "units", self.solved_scene.units)
-            object.__setattr__(self, "lumped", self.solved_scene.lumped)
+        if (scene := self.solved_scene) is not None:
+            own = {"contact_names": scene.contacts.names, "units": scene.units}
+            self.__dict__.update(own, lumped=scene.lumped)
 
     def __repr__(self) -> str:
         """One line: what was solved, the load factor, its bracket, how it ended."""
@@ -154,8 +151,7 @@ class Solution:
 
     @property
     def standing(self) -> str:
-        """The status, and how far apart what it stands for is: the bracket with interaction, the
-        last iterates of an iteration."""
+        """The status, and the width of the bracket with interaction, or of the last iterates."""
         width = 0.0 if self.interaction == "none" else self.gap
         if self.iteration is not None:
             if not self.status.is_good:
@@ -233,7 +229,8 @@ class Solution:
         return self.bracket.is_proved
 
     def __getstate__(self) -> dict[str, Any]:
-        """Surfaces of a script, a notebook or a function could not be read anywhere else."""
+        """Leaves out surfaces of a script, a notebook or a function: whoever unpickles must be able
+        to import the module of a surface."""
         kinds = [type(surface) for surface in self.surfaces]
         lasts = all(k.__module__ != "__main__" and "<locals>" not in k.__qualname__ for k in kinds)
         kept = {name: value for name, value in vars(self).items() if name != "problem"}
@@ -251,16 +248,16 @@ class Solution:
         """
         check_scene(scene)
         free = [scene.blocks[i].id for i in scene.free]
-        found = {"free blocks": len(free), "contacts": len(scene.contacts)}
-        own = {"free blocks": self.blocks, "contacts": self.contacts}
-        for what, number in own.items():
-            if number != found[what]:
+        for what, own, found in (
+            ("free blocks", self.blocks, len(free)),
+            ("contacts", self.contacts, len(scene.contacts)),
+        ):
+            if own != found:
                 raise InputError(
-                    f"the solution of {self.scene_name!r} has {number} {what}, but scene "
-                    f"{scene.name!r} has {found[what]}: it does not belong to it"
+                    f"the solution of {self.scene_name!r} has {own} {what}, but scene "
+                    f"{scene.name!r} has {found}: it does not belong to it"
                 )
-        missing = sorted(set(free) - set(free if self.mechanism is None else self.mechanism))
-        if missing:
+        if missing := sorted(set(free) - set(free if self.mechanism is None else self.mechanism)):
             raise InputError(
                 f"the mechanism lacks block {missing[0]!r}: the solution of {self.scene_name!r} "
                 f"does not belong to scene {scene.name!r}"
@@ -274,15 +271,7 @@ class Solution:
         Raises
         ------
         InputError
-            For a solution read from a file, which has the scene's name and digest only: :meth:`of`
-            gives it its scene, and ``solved_scene`` is None until then.
-
-        Example
-        -------
-        >>> from cvxlimit import builtin_scene, solve
-        >>> solution = solve(builtin_scene("arch"))
-        >>> solution.scene_name, len(solution.scene.contacts)
-        ('arch', 21)
+            For a solution read from a file, until :meth:`of` gives it its scene.
         """
         if self.solved_scene is None:
             raise InputError(
@@ -293,17 +282,8 @@ class Solution:
 
     @cached_property
     def problem(self) -> Any:
-        """The CVXPY problem without interaction, of which this is a solution: the one that was
-        solved, or the one of its scene and surfaces; to look at, to change, and to solve again.
-
-        Returns
-        -------
-        LimitProblem
-
-        Raises
-        ------
-        InputError
-            If the solution has no scene, as after reading a file.
+        """The :class:`~cvxlimit.LimitProblem` without interaction, of which this is a solution: the
+        one that was solved, or the one of its scene and surfaces; to change, and to solve again.
 
         Example
         -------
@@ -319,19 +299,8 @@ class Solution:
         """The same solution, and a load factor that nearly holds without dilatancy, which its note
         and ``dilatancy.nearly`` have.
 
-        It takes three solves more, and only where joints slide by more than 1 % of the live load's
-        work; else, and for other methods than the convex one, the solution comes back as it is.
-        The command line always looks.
-
-        Parameters
-        ----------
-        progress : callable or None
-            Called with one line of text at every step.
-
-        Raises
-        ------
-        InputError
-            If the solution has no scene, as after reading a file.
+        It takes three solves more, after the convex method and where joints slide by more than 1 %
+        of the live load's work; else the solution comes back as it is. ``progress`` gets lines.
 
         Example
         -------
@@ -346,12 +315,8 @@ class Solution:
     def sensitivity(self) -> Any:
         """What the load factor gains per unit of friction, strength, weight, load, and position of
         every vertex: from the forces and the mechanism of this solution, without another solve.
-
-        Returns
-        -------
-        Sensitivity
-            :class:`cvxlimit.readings.sensitivity.Sensitivity`: arrays, ``elasticity``,
-            ``to_dataframe``; its ``note`` says what the derivatives rest on.
+        The ``note`` of the :class:`cvxlimit.readings.sensitivity.Sensitivity` says what the
+        derivatives rest on.
 
         Raises
         ------
@@ -400,8 +365,8 @@ class Solution:
         path: str | os.PathLike[str] | None = None,
         **options: Any,
     ) -> Any:
-        """Draw the result; nothing is shown by itself, but notebooks show the figure that ends a
-        cell.
+        """Draw the result as a SceneFigure, Animation or Page; nothing is shown by itself, but
+        notebooks show what ends a cell.
 
         Parameters
         ----------
@@ -409,15 +374,10 @@ class Solution:
             ``"mechanism"``, ``"forces"``, ``"thrust"`` and so on: a name in
             :data:`cvxlimit.plotting.PICTURES`, one's own among them.
         path : path or None
-            With one, a file is written: ``.png``, ``.svg`` or ``.pdf``; ``.gif`` or ``.mp4``;
-            ``.html`` for pages.
+            With one, a file is written, and its path returned: ``.png``, ``.svg`` or ``.pdf``;
+            ``.gif`` or ``.mp4``; ``.html`` for pages.
         options
-            Of the function of that name in :mod:`cvxlimit.plotting`: ``viewer=(1, -1, 0.5)`` and
-            others.
-
-        Returns
-        -------
-        SceneFigure, Animation or Page; with a path, the file's path
+            Of the function of that name in :mod:`cvxlimit.plotting`, as ``viewer=(1, -1, 0.5)``.
 
         Raises
         ------
@@ -429,24 +389,14 @@ class Solution:
         return attached("solution_plot")(self, kind, path, **options)
 
     def to_compas(self, model: Any, largest: float | None = None) -> Any:
-        """The results as compas_dem keeps and shows them, for the model that
-        :meth:`Scene.from_compas` made the scene of.
+        """The results as compas_dem keeps and shows them: its ``Results`` for the model that
+        :meth:`Scene.from_compas` made the scene of, which is not changed.
 
-        Parameters
-        ----------
-        model
-            Of compas_dem or compas_model; it is not changed.
-        largest : float or None
-            Displacement of the fastest corner in the collapse mechanism, which blocks are moved by;
-            a tenth of a typical joint's size unless given.
-
-        Returns
-        -------
-        compas_dem.problem.results.Results
-            ``transformation`` of nodes; of edges ``contact_data``, whose ``forces`` at the corners
-            have the contact's forces and moments as resultant (of several contacts of two blocks
-            the one with the largest force; ``contacts`` has all), ``resultant_global`` on the
-            edge's second node, and the other attributes that its ``DEMViewer`` reads.
+        Nodes have a ``transformation``: the collapse mechanism with a displacement ``largest`` of
+        the fastest corner, a tenth of a typical joint's size unless given. Edges have
+        ``contact_data``, whose ``forces`` at the corners have the contact's forces and moments as
+        resultant (of several contacts of two blocks the one with the largest force; ``contacts``
+        has all), ``resultant_global`` on the second node, and what else its ``DEMViewer`` reads.
 
         Raises
         ------
@@ -466,30 +416,24 @@ class Solution:
         sensitivity: Any = None,
         without_dilatancy: Solution | None = None,
     ) -> Any:
-        """One page in a file of its own that prints to two sheets of A4, to be read and signed.
-
-        It has the result with its bracket and what that rests on, pictures of structure and
-        mechanism, loads, joints, what was simplified or assumed, versions, the scene's digest and
-        how to cite. Numbers have units; names are shown as they are, never as markup.
+        """One page that prints to two sheets of A4, to be read and signed: the result with its
+        bracket and what that rests on, pictures of structure and mechanism, loads, joints, what was
+        simplified or assumed, versions, the scene's digest and how to cite.
 
         Parameters
         ----------
         file : path or None
-            Ends in ``.html``. Without it the page is returned, which notebooks show.
+            Ends in ``.html``; its path is returned. Without it the page is, which notebooks show.
         path, check, sensitivity : optional
             Sections to add: what :func:`cvxlimit.pushover` and :func:`cvxlimit.code_check`
             return, a text, a mapping, or a table of pandas.
         without_dilatancy : Solution, optional
             Of method ``"zero-dilatancy"``, whose load factor is put beside this one.
 
-        Returns
-        -------
-        Page; with a file, its path
-
         Raises
         ------
         InputError
-            If the solution has no scene, as after reading a file, or the file cannot be written.
+            If the solution has no scene, or the file cannot be written.
 
         Example
         -------
@@ -499,9 +443,8 @@ class Solution:
         True
         """
         given = {"path": path, "check": check, "sensitivity": sensitivity}
-        return attached("solution_report")(
-            self, file, given | {"without_dilatancy": without_dilatancy}
-        )
+        given["without_dilatancy"] = without_dilatancy
+        return attached("solution_report")(self, file, given)
 
     def _repr_html_(self) -> str:
         return str(attached("solution_html")(self))
