@@ -30,7 +30,7 @@ COLOURS = (
 )  # fmt: skip
 
 MANY = 200
-"""Contacts from which zero dilatancy gets one start of 20 iterates in place of two of 60."""
+"""Contacts beyond which zero dilatancy gets one start in place of two."""
 
 EXACT = 5e-3
 """Width of the exact limit's bracket in the chart of all models, relative."""
