@@ -30,19 +30,30 @@ one rough side on a plane, to 2."""
 
 
 class Shapes:
-    """The faces of blocks as they are, for joints whose patches (``table``) may be curved."""
+    """The faces of blocks as they are, for joints that may be curved.
+
+    Detection lumps the nearly coplanar faces of a block into *patches*, the rows of ``table``, and
+    takes what two patches share as one plane contact. Where a joint is curved, as between the
+    voussoirs of a vault, both sides have the same shape and every pair of faces is a contact; where
+    sides are rough, each in its own way, the mean plane is right. The patches of a *sheet* go over
+    into each other without a sharp edge, and shapes are compared sheet by sheet.
+    """
 
     def __init__(self, blocks: Sequence[Block], table: FacetTable, reach: Reach) -> None:
         self.blocks, self.table, self.reach = blocks, table, reach
 
-    def told(self, joints: Joints) -> Joints:
-        """The joints, with pairs of faces in place of pairs of patches where both sides agree."""
+    def by_face(self, joints: Joints) -> Joints:
+        """Returns the joints, with pairs of faces in place of pairs of patches wherever both sides
+        agree on a shape that is no plane."""
+        # Pairs of sheets that come near each other and have patches of several faces.
         near = (joints.gaps[:, 0] <= joints.allowed + joints.warped) & (
             joints.gaps[:, 1] >= -joints.allowed - joints.warped
         )
         asked = np.unique(joints.sheet[near & joints.lumped.any(axis=1)], axis=0)
         if not len(asked):
             return joints
+        # Their faces, one by one: they bear where they are within the tolerance of each other and
+        # their normals agree better than with one plane.
         faces = self._faces(joints, asked)
         number, key = _numbered(asked, faces.sheet)
         faces, key = faces.take(np.flatnonzero(number)), key[number]
@@ -50,12 +61,14 @@ class Shapes:
         faces = replace(
             faces, joined=faces.is_within & agreed[key], missed=np.zeros(len(key), bool)
         )
+        # Sheets keep their patches where faces would bear less area than these, or too narrow one.
         there, own = _numbered(asked, joints.sheet)
         borne = np.bincount(key, faces.found.area * faces.joined, len(asked)).astype(float)
         patched = np.bincount(own[there], (joints.found.area * joints.joined)[there], len(asked))
-        # areas differ by the cosine of the steepest face in a patch though nothing is missing
+        # Areas differ by the cosine of the steepest face in a patch though nothing is missing.
         agreed &= (borne >= SAME_WAY * patched) & _is_wide(faces, key, borne)
         faces = faces.take(np.flatnonzero(faces.joined & agreed[key]))
+        # Faces take the place of the patches of sheets that agree; what they cover is not missed.
         there[there] = agreed[own[there]]
         covered = there & (_area_of_patches(faces, joints) >= 0.5 * joints.found.area)
         kept = replace(joints, joined=joints.joined & ~there, missed=joints.missed & ~covered)
@@ -165,7 +178,7 @@ def detect(
     # Blocks in each other are refused in the portion of pairs where they are met first, so that
     # neither memory nor time grows with the number of such pairs.
     for near in nearby_pairs([b.vertices for b in blocks], reach.near):
-        joints = shapes.told(Joints.of(table, *facing_pairs(table, *near, reach), reach))
+        joints = shapes.by_face(Joints.of(table, *facing_pairs(table, *near, reach), reach))
         parts.append(joints.contacts(blocks, friction))
         misses += [*joints.near_misses(blocks), *overlaps.check(*near, parts[-1])]
     if not parts:

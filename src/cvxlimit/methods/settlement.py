@@ -1,4 +1,15 @@
-"""Settlement: the least and the largest reaction of supports that move, and its mechanism."""
+"""Settlement: the least and the largest reaction of supports that move, and its mechanism.
+
+Supports that move in proportion to given rates w (6 per support) are taken as blocks without weight
+on a guide: together they have one degree of freedom, and their reaction R is the one generalised
+force along w that holds them. Forces that carry the dead load with all supports in place have some
+reaction R0, which is possible. From there a push of one along w is the live load of a limit
+problem of the guided scene, with s = 1 for the least reaction and s = -1 for the largest:
+
+    max alpha   subject to   A x + f_dead + (s alpha - R0) w / (w . w) = 0,   R = R0 - s alpha.
+
+Its mechanism is that of the settlement, and its bracket that of the reaction.
+"""
 
 from __future__ import annotations
 
@@ -160,6 +171,8 @@ def _motions(
 def _reaction(
     solution: Solution, motion: Mapping[str, FloatArray], possible: float, sign: float
 ) -> Reaction:
+    """Returns the reaction that the limit problem's solution stands for, R = R0 - s alpha, with its
+    bracket turned round accordingly, and the rates of the moving supports in the mechanism."""
     found = solution.bracket
     low, high = possible - sign * found.upper, possible - sign * found.lower
     proofs = (found.upper_is_proved, found.lower_is_proved)
@@ -168,7 +181,7 @@ def _reaction(
     bracket = Bracket(low, high, *proofs, found.least)
     factor = solution.load_factor
     value = None if factor is None else possible - sign * factor
-    if solution.mechanism is not None:
+    if solution.mechanism is not None:  # rounding apart, supports move along the guide only
         rates = dict(solution.mechanism)
         by = sum(float(way @ rates[name]) for name, way in motion.items())
         by /= sum(float(way @ way) for way in motion.values())
@@ -180,8 +193,9 @@ def _reaction(
 def _guided(
     scene: Scene, motions: Sequence[SupportMotion], sign: float, state: FloatArray
 ) -> tuple[Assemblage, dict[str, FloatArray], float]:
-    """The scene with the supports that move as blocks without weight, on a guide, held by the
-    reaction that is possible and pushed by one more; how they move; that reaction."""
+    """Returns the guided scene, the rates w of the supports that move, and the reaction R0 of the
+    ``state`` (n, 6), contact forces that carry the dead load with all supports in place."""
+    # Rates w of every support that moves, in the unit of the first motion.
     place = {block.id: i for i, block in enumerate(scene.blocks)}
     size = motions[0].size
     rates = {
@@ -189,7 +203,8 @@ def _guided(
         for each in motions
         for name in each.supports
     }
-    whole = sum(float(way @ way) for way in rates.values())
+    whole = sum(float(way @ way) for way in rates.values())  # w . w
+    # These supports as free blocks, and the push as live load, which does work 1 on w.
     blocks = list(scene.blocks)
     for name in rates:
         block = blocks[place[name]]
@@ -198,11 +213,13 @@ def _guided(
     others = tuple(key for key in scene.supports if key not in rates)
     push = Load(forces={name: tuple(sign * way / whole) for name, way in rates.items()})
     free = scene._copy(blocks=tuple(blocks), supports=others, live=push, settling=())
+    # The reaction R0: the work of the state's forces on w.
     statics = Statics.of(free)
     every = np.zeros((len(free.free), DOF))
     for name, way in rates.items():
         every[statics.row_of_block[place[name]]] = way
     possible = float(every.ravel() @ (statics.matrix @ state.ravel()))
+    # R0 as a dead load that holds the supports; a guide leaves them the motion along w alone.
     own = {key: force for key, force in scene.dead.forces.items() if key not in rates}
     held = {name: tuple(-possible * way / whole) for name, way in rates.items()}
     free = free.with_dead(replace(scene.dead, forces=own | held))

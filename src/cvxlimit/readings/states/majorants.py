@@ -1,7 +1,18 @@
-"""Convex rows that stay inside Eq. 30, whatever point they are built at.
+"""Convex rows that stay inside Eq. 30: what they allow is admissible, wherever they are built.
 
-Each has a plane below c_T and majorised products; one second-order cone per contact (two with
-signed moments, for both signs of the torque): docs/evidence/interaction-bounds.md.
+Eq. 30 limits the torque of a contact by what its effective area leaves of friction. Multiplied by
+N, with X_i = N e_i, P_i = l_i N - 2 abs(X_i) and C the arm c_T, which is convex and homogeneous, it
+reads, about the pressure centre,
+
+    abs(MT N - X1 V2 + X2 V1) <= C(P1, P2) (mu N - abs(V)).
+
+It is made convex at a point (e, V / N), where the rows are exact: a plane ca P1 + cb P2 takes the
+place of C, which lies above it, and every product x y / N of a moment and a force is majorised by
+
+    x y / N = (p^2 - q^2) / (4 N) <= (p^2 + d^2 N^2 - 2 d q N) / (4 N),   p, q = x / k +- k y,
+
+with d = q / N at the point; k balances both squares. That leaves one second-order cone per contact,
+and two for both signs of the torque: docs/evidence/interaction-bounds.md, "Safe steps".
 """
 
 from __future__ import annotations
@@ -185,6 +196,8 @@ class StepRows(Generic[Values]):
     balance: float
 
     def rows(self) -> list[Row[Values]]:
+        """Returns the rows of Eq. 30 for both signs of the torque (one row with independent signs),
+        those of Eq. 27, and those that keep pressure on its side of an axis."""
         f, resistance = self.f, self._resistance
         base = (self._slope * self._sides).sum(axis=1) * f.u - resistance
         if self.slopes is None:
@@ -208,17 +221,20 @@ class StepRows(Generic[Values]):
 
     @cached_property
     def _slope(self) -> FloatArray:
+        """The plane below the arm: its derivatives ca, cb (n, 2) by the effective sides."""
         sides = np.maximum(self._sides - 2.0 * np.abs(self.point.centre), 0.0)
         slope = np.stack(torsion_arm_gradient(*sides.T), axis=1)
         return np.asarray(slope * self.rectangles.arm_share[:, None])
 
     @cached_property
     def _k(self) -> FloatArray:
+        """k (n, 2) of products with X1 and with X2."""
         friction = np.maximum(self.rectangles.contacts.friction, SUPPORT.friction)[:, None]
         return np.asarray(np.sqrt(self.balance * self._sides / 2.0 / friction))
 
     @property
     def _resistance(self) -> Values:
+        """mu (ca P1 + cb P2): the torque that the plane leaves without shear."""
         effective = [self._sides[:, i] * self.f.N - 2.0 * self.f.m[i] for i in (0, 1)]
         first, second = (self.rectangles.contacts.friction[:, None] * self._slope).T
         return first * effective[0] + second * effective[1]
@@ -227,12 +243,14 @@ class StepRows(Generic[Values]):
         return self.slopes is not None and self.slopes[i, 0] == self.slopes[i, 1]
 
     def _products(self, turn: float) -> list[Product[Values]]:
+        """All products of the torque with the sign ``turn``, and of the plane with shear."""
         found = []
         for part in (1.0, -1.0):  # in this order: solvers' last digits depend on it
             found += [self._halved(i, turn, part) for i in (0, 1) if self._is_split(i)]
         return found + [self._whole(i, turn) for i in (0, 1) if not self._is_split(i)]
 
     def _halved(self, i: int, turn: float, part: float) -> Product[Values]:
+        """The product with X_i+ or X_i-, by the sign ``part``, where axis i is split."""
         f, j, slope = self.f, 1 - i, 2.0 * self._slope[:, i]
         assert self.slopes is not None
         along = part * turn * _SIGN[i] * float(self.slopes[i, 0])
@@ -247,6 +265,7 @@ class StepRows(Generic[Values]):
         )
 
     def _whole(self, i: int, turn: float) -> Product[Values]:
+        """The product with X_i where its sign is kept, or with m_i where it is free."""
         f, j, slope = self.f, 1 - i, 2.0 * self._slope[:, i]
         shear, there = self.point.shear[:, j], -slope * self._size
         y = -slope * f.u
