@@ -14,13 +14,10 @@ from typing import Self
 
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.paths.pairs import OPPOSED, Facets, Pairs, Pose
 from cvxlimit.paths.path import CLOSED, Points
 from cvxlimit.scene import Scene
-
-NEAR = 1e-9
-"""Rounding of directions: what counts as parallel or normal."""
 
 SETTLED = 1e-7
 """Movement over the contact size that iterates may leave at most. Flush blocks are flush to that,
@@ -100,7 +97,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     # A corner of a at one of b's where the planes are parallel is the same point once more.
     apart = np.linalg.norm(tail[0][i] - tail[1][j], axis=1)
     is_same = (apart <= near) & is_over[1][j]
-    is_same &= (np.einsum("px,px->p", normal[0], normal[1]) < NEAR - 1.0)[pairs.pair[0][i]]
+    is_same &= (np.einsum("px,px->p", normal[0], normal[1]) < ROUNDING - 1.0)[pairs.pair[0][i]]
     is_over[0][i[is_same]] = False
     flat_along = [head - tail for head, tail in zip(flat_head, flat_tail, strict=True)]
     s, t = _crossings(flat_tail[0][i], flat_along[0][i], flat_tail[1][j], flat_along[1][j], near)
@@ -156,7 +153,7 @@ def _ways(
     within = []
     for k, way in ((0, unit), (1, -unit)):
         beyond = pose.turned(pairs.block[k][pair], pairs.beside[k][at[k]])
-        least = NEAR * np.linalg.norm(along[k], axis=1)
+        least = ROUNDING * np.linalg.norm(along[k], axis=1)
         inward = np.cross(normal[k][pair], along[k]), np.cross(along[k], beyond)
         of_own, of_other = (np.einsum("kx,kx->k", way, x) <= least for x in inward)
         is_plain &= of_other
@@ -208,7 +205,7 @@ def _crossings(
     near an end are corners that :func:`_inside` has."""
     lengths = np.linalg.norm(along, axis=1), np.linalg.norm(beside, axis=1)
     turn, offset = _cross(along, beside), other - tail
-    is_plain = np.abs(turn) > NEAR * lengths[0] * lengths[1]
+    is_plain = np.abs(turn) > ROUNDING * lengths[0] * lengths[1]
     divisor = np.where(is_plain, turn, 1.0)
     s, t = _cross(offset, beside) / divisor, _cross(offset, along) / divisor
     for share, length in zip((s, t), lengths, strict=True):

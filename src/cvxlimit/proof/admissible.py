@@ -11,7 +11,7 @@ from itertools import chain
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.gluing import with_contacts
@@ -21,7 +21,7 @@ ON_BOUNDARY = 1e-8
 """Excess, as a share of the forces on the less loaded block of the contact, that is put down to the
 solver where forces are on the boundary of a surface and cannot be anywhere else."""
 
-INSIDE = -1e-9
+INSIDE = -ROUNDING
 """The same for forces that must be strictly inside: for conditions that are not convex, to which
 small forces are added."""
 

@@ -8,9 +8,7 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.dilatancy.pair import Pair, pressed
 from cvxlimit.methods.driver import Progress, Run
 from cvxlimit.solution import Solution
-
-_TOLERANCE = 1e-5
-"""Of the three problems: what a first look lacks is 1e-4 of the load factor and more."""
+from cvxlimit.solution.bracket import TOLERANCE
 
 
 def first_look(solution: Solution, progress: Progress | None = None) -> Solution:
@@ -28,13 +26,13 @@ def first_look(solution: Solution, progress: Progress | None = None) -> Solution
     run.tell("looking at the load factor without dilatancy")
     pair = Pair(run, is_symmetric=True)
     compressions = forces[:, COLUMN["N"]] + (0.0 if run.mortar is None else run.mortar.pull)
-    first = pair.held(compressions, _TOLERANCE)
+    first = pair.held(compressions, TOLERANCE)
     if first.mechanism is None:
         return solution
-    state = pair.priced(pair.dilatancy(first.mechanism), _TOLERANCE)
+    state = pair.priced(pair.dilatancy(first.mechanism), TOLERANCE)
     if state.forces is None or state.load_factor is None:
         return solution
-    held = pair.held(pressed(state), _TOLERANCE)
+    held = pair.held(pressed(state), TOLERANCE)
     if held.load_factor is None:
         return solution
     lacks = max((held.load_factor - state.load_factor) / run.scaling.unit(state.load_factor), 0.0)

@@ -40,7 +40,7 @@ from scipy.optimize import linprog
 from scipy.sparse.csgraph import shortest_path
 from scipy.sparse.linalg import lsmr
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import EPSILON, BoolArray, FloatArray, IntArray
 from cvxlimit.base.checks import count, not_negative
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.dilatancy.least_thrust import LeastThrust
@@ -69,9 +69,6 @@ _TIGHT = 1e-10, 1e-7
 
 _ROUGH = 1e-6
 """What rounding may change of a pseudo-inverse, far more than it does."""
-
-_EPSILON = 8.0 * float(np.finfo(float).eps)
-"""Rounding of sums of a few dozen products, as a share of the sum of their sizes."""
 
 
 @dataclass(frozen=True)
@@ -330,7 +327,7 @@ class _Lift:
         n, (_, ny) = len(products.size), products.shape
         size = abs(self.equations).T @ np.abs(equations) + abs(self.inequalities).T @ others
         size += np.abs(self.cost)
-        rest = np.abs(self.rest(multipliers)) + _EPSILON * size.reshape(products.shape)
+        rest = np.abs(self.rest(multipliers)) + EPSILON * size.reshape(products.shape)
         # no force is larger: 1, compressions, shears up to R / s, alpha
         forces = np.full(1 + 2 * n, most)
         forces[0] = 1.0

@@ -62,14 +62,12 @@ class BranchSettings:
     prior: float = 5.0  # splits that what all contacts have in common counts for
     beside_centre: float = 0.1  # share of a range that it is cut beside the pressure centre
     widened: float = 0.03  # share of it that ranges are widened by where bounds are not closed
-    cut: float = 0.1  # least share of a range that tightening must cut off
+    cut: float = 0.1  # least share that tightening must cut off a range, and a round off the gap
     beyond: float = 1e-3  # share it leaves beyond what a solver says is reached
     carried: float = 0.99  # share of the gap carried by contacts whose ranges it tries
     attempts: int = 3  # its solves per end of a range
-    gain: float = 0.05  # share of the gap that a round of it must close for another one
     tightening: float = 0.25  # share of the time that it may take
     closed: float = 0.9  # share of the gap asked for at which nodes are closed
-    beneath: float = 0.02  # of that gap below which a solve may end before it is done
     at_a_time: int = 200  # contacts of the nodes that are explored together, one node at least
     kept: int = 5000  # pieces of problems: 0.01 MB each
     remembered: int = 1000  # open nodes with points for their parts to start from: 0.1 MB each
@@ -81,8 +79,7 @@ class BranchSettings:
     safe_reach: float = 0.02  # reach of safe states in a node's widest range
     settled: int = 8  # frozen problems in a row at most,
     steps: int = 16  # places tried on the way between two force states,
-    halvings: int = 25  # after the last good one,
-    rarely: int = 256  # and the longest wait for another search of that kind, in nodes
+    halvings: int = 25  # after the last good one
     told: float = 0.98  # the history has a line when the gap is this share of the last one told
 
 

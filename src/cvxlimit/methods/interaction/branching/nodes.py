@@ -215,9 +215,8 @@ class _Part:
 
     def is_solved(self) -> bool:
         node, goal = self.node, self.goal
-        enough = goal.cut - BRANCH.beneath * goal.width
         pieces = [*self.pieces, *node.added]
-        state = self.relaxer.solve(pieces, goal.price, start=node.halfway, enough=enough)
+        state = self.relaxer.solve(pieces, goal.price, start=node.halfway, enough=goal.cut)
         self.node = node = replace(node, halfway=state.halfway or node.halfway)
         if state.mechanism is None or state.load_factor is None:
             return False

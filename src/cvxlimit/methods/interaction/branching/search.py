@@ -213,7 +213,7 @@ class BranchAndBound:
         if best is not None and self._waited >= self._wait:
             lower, self._waited = self.lower, 0
             self._settle_at(best)
-            self._wait = 1 if self.lower > lower else min(2 * self._wait, BRANCH.rarely)
+            self._wait = 1 if self.lower > lower else 2 * self._wait
         while self._may_climb and self._has_time:
             if not self._climb():
                 break

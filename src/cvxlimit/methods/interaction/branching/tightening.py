@@ -34,7 +34,7 @@ def tightened_root(
     while node.bound > goal.cut > -np.inf and has_time():
         gap = node.bound - goal.cut
         node = _Tightening(relaxer, node, goal).tightened(has_time)
-        if gap - (node.bound - goal.cut) < BRANCH.gain * gap:
+        if gap - (node.bound - goal.cut) < BRANCH.cut * gap:
             break
     return relaxer.explored([node], goal)
 
