@@ -108,7 +108,8 @@ def _numbered(asked: IntArray, pairs: IntArray) -> tuple[BoolArray, IntArray]:
 
 def _agreed(faces: Joints, key: IntArray, count: int) -> BoolArray:
     """Tells where the normals of both sides agree with each other better than with a mean one:
-    variances over the faces that are within the tolerance of each other, weighted by area."""
+    mean sin^2(n_a, n_b) <= _AGREE^2 (1 - |mean n|^2), means over the faces that are within the
+    tolerance of each other, weighted by area."""
     area = faces.found.area * faces.is_within
     whole = np.maximum(np.bincount(key, area, count), 1e-300)
     mean = [np.bincount(key, area * faces.axes[:, 2, c], count) / whole for c in range(3)]

@@ -159,7 +159,7 @@ class InteractionFlow:
         # Each rule keeps its part as the answer to what it was asked last.
         found = (np.split(x, len(flows)) for x in all_flows.worst(np.concatenate(rates)))
         for flow, own_rates, missing, centre, arm in zip(flows, rates, *found, strict=True):
-            flow._last_rates, flow._last_worst = own_rates, (missing, centre, arm)
+            flow._last_rates, flow._last_worst = own_rates.copy(), (missing, centre, arm)
 
     def _support(self, w: FloatArray, halvings: int, floor: FloatArray | None = None) -> _Worst:
         """Returns the largest power (n,) of states with N = 1 on rates w (n, 6), where it lies

@@ -17,19 +17,28 @@ from cvxlimit.surfaces.base import YieldSurface
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """A solver's answer: nothing of it is believed."""
+    """A solver's answer about k live loads: nothing of it is believed."""
 
     direction: FloatArray
+    """The direction (k,) in which load factors were to be largest."""
     factors: FloatArray
+    """Load factors (k,), or those of a ray: any multiple of them is carried."""
     forces: FloatArray
+    """Contact forces (n, 6) that carry the dead load with them, of a ray without the dead load."""
     given: FloatArray
+    """What proves them: internal forces where the formulation has such, else the forces."""
     mechanism: FloatArray | None
+    """Rates (free blocks, 6), None where there are none."""
     is_ray: bool
     iterate: Iterate
     is_mirrored: bool = False
 
     def image(self, of: LoadMirror) -> Raw | None:
-        """The answer to the mirrored direction; None if it is the same."""
+        """The answer to the mirrored direction; None if it is the same.
+
+        A mirror plane R turns the live loads F into R F = F turn. So ``turn @ factors`` carries
+        what ``factors`` does, with the forces of each contact at its image, and blocks likewise.
+        """
         factors, direction = of.turn @ self.factors, of.turn @ self.direction
         moved = np.abs(factors - self.factors).max() + np.abs(direction - self.direction).max()
         if moved < FLAT:

@@ -1,7 +1,16 @@
-"""Branch and bound over eccentricities: nodes allow each contact a box of pressure centres.
+"""Branch and bound over eccentricities: a node allows each contact a box of pressure centres.
 
-Children cover their node, so the largest certified bound among open and closed nodes bounds the
-load factor; that node comes first.
+Children cover their node, so the largest certified bound among open and closed nodes is an upper
+bound of the load factor. One step of the search has four stages:
+
+1. *explore*: the open nodes with the largest bounds are split, and relaxations bound the children
+   (:mod:`~cvxlimit.methods.interaction.branching.nodes`). A child is closed where its bound is
+   within the tolerance of the lower bound.
+2. *settle*: pressure centres are held where the best child's forces have them. Interaction is
+   convex there, so that the limit problem has forces that are safe; a line search goes on from
+   them, and from the best forces so far, towards those of the child.
+3. *climb*: now and then a search for a lower bound starts at the forces of any open node.
+4. *book*: both bounds go to the run. Lower ones are of forces that the checker accepts.
 """
 
 from __future__ import annotations
@@ -109,15 +118,16 @@ class BranchAndBound:
             self.relaxer = Relaxer(run.assemblage, run.moments, run.ladder, opening, tolerance)
             self.is_proved = self.relaxer.certifier.witnesses.opening_field is not None
             self.checker = LowerBounds(run.assemblage, run.moments)
-        self.price: float | None = None
+        self.price: float | None = None  # of dead load that a relaxation leaves uncarried
         self.open: list[tuple[float, int, Node]] = []  # largest bound first, then as they came
-        self.closed = -np.inf
+        self.closed = -np.inf  # the largest bound of nodes that need no further look
         self.lower = run.best.bracket.lower
         self.forces = run.best.forces if np.isfinite(self.lower) else None
-        self.solves = self.count = self.nodes = self._climbed = 0
+        self.solves = self.count = self.nodes = self._climb_solves = 0
         self._random = np.random.default_rng(0)
-        self._booked: FloatArray | None = None
-        self._waited, self._wait, self._told, self._is_tightened = 0, 1, np.inf, False
+        self._booked_forces: FloatArray | None = None
+        self._nodes_since_settling, self._nodes_between = 0, 1
+        self._noted_gap, self._is_tightened = np.inf, False
         self._executor, self._workers = executor, max(workers, 1)
         self._task: Task | None = None
         self._running: dict[Future[Explored], list[Node]] = {}
@@ -149,7 +159,7 @@ class BranchAndBound:
             known = state.forces, state.load_factor, best.mechanism
             root = Node(best.bracket.upper, boxes, (), *known)
         else:
-            goal = Goal(self.lower, self.tolerance)
+            goal = Goal(self.lower, self.width)
             with self.run.clock.phase("solve"):
                 (root,) = self.relaxer.evaluated([Node(np.inf, boxes)], goal)
         self.solves += self.relaxer.solves
@@ -198,6 +208,7 @@ class BranchAndBound:
             self._take(self._running.pop(future), future.result())
 
     def _take(self, nodes: Sequence[Node], found: Explored) -> None:
+        """Close and push children, then settle at the best of them and climb where that pays."""
         self.nodes += len(nodes)
         self.solves += found.solves
         self.run.solvers.update(found.solvers)
@@ -209,11 +220,11 @@ class BranchAndBound:
                 self.closed = max(self.closed, child.bound)
         self._last = nodes[0]
         best = max(found.open, key=lambda child: child.bound, default=None)
-        self._waited += len(nodes)
-        if best is not None and self._waited >= self._wait:
-            lower, self._waited = self.lower, 0
+        self._nodes_since_settling += len(nodes)
+        if best is not None and self._nodes_since_settling >= self._nodes_between:
+            lower, self._nodes_since_settling = self.lower, 0
             self._settle_at(best)
-            self._wait = 1 if self.lower > lower else 2 * self._wait
+            self._nodes_between = 1 if self.lower > lower else 2 * self._nodes_between
         while self._may_climb and self._has_time:
             if not self._climb():
                 break
@@ -222,8 +233,8 @@ class BranchAndBound:
     def _may_climb(self) -> bool:
         """Is true as long as climbs take their share, which falls with every one that gains
         nothing."""
-        in_vain = 1.0 + float(self._in_vain.min()) / BRANCH.patience
-        return in_vain * self._climbed < BRANCH.climbing * self.solves
+        in_vain = 1.0 + float(self._vain_climbs.min()) / BRANCH.patience
+        return in_vain * self._climb_solves < BRANCH.climbing * self.solves
 
     @property
     def _has_time(self) -> bool:
@@ -236,22 +247,22 @@ class BranchAndBound:
         starts = [each for each in forces if each is not None and each is not self._searched]
         if not starts:
             return False
-        self._climbed += 1  # there may be no problem at all
-        kind = int(self._in_vain.argmin())
+        self._climb_solves += 1  # there may be no problem at all
+        kind = int(self._vain_climbs.argmin())
         search, share = self._ways[kind]
         start = starts[int(self._random.integers(len(starts)))]
         if self.forces is not None:
             start = self.forces + share * (start - self.forces)
         for _ in search(start):
-            self._climbed, self.solves = self._climbed + 1, self.solves + 1
+            self._climb_solves, self.solves = self._climb_solves + 1, self.solves + 1
             if not self._has_time:
                 break
         known = self.run.best
-        self._in_vain[kind] += 1
+        self._vain_climbs[kind] += 1
         if known.bracket.lower > self.lower and known.forces is not None:
             self.lower, self.forces = known.bracket.lower, known.forces
             self._settle(known.forces)  # climbs solve loosely
-            self._in_vain[kind] = 0
+            self._vain_climbs[kind] = 0
         return True
 
     @cached_property
@@ -268,7 +279,7 @@ class BranchAndBound:
         return ways
 
     @cached_property
-    def _in_vain(self) -> IntArray:
+    def _vain_climbs(self) -> IntArray:
         """Climbs of each way since one gained."""
         return np.zeros(len(self._ways), dtype=int)
 
@@ -279,17 +290,18 @@ class BranchAndBound:
         heapq.heappush(self.open, (-node.bound, self.count, node))
 
     def _book(self) -> None:
+        """Give the run both bounds, and its history a line where the gap has become smaller."""
         run, before = self.run, self.run.best
-        forces = None if self.forces is self._booked else self.forces
+        forces = None if self.forces is self._booked_forces else self.forces
         if forces is not None and self.lower > before.bracket.lower:
-            self._booked = forces
+            self._booked_forces = forces
             with run.clock.phase("certify"):
                 run.best = self.checker.of(forces, self.lower).raising(run.best)
         mechanism = (self.open[0][2] if self.open else self._last).mechanism
         run.best = run.best.lowered(self.upper, self.is_proved, mechanism)
         gap = self.upper - self.lower
-        if run.best is not before and (gap <= BRANCH.told * self._told or not self.can_go_on):
-            self._told = gap
+        if run.best is not before and (gap <= BRANCH.told * self._noted_gap or not self.can_go_on):
+            self._noted_gap = gap
             state = LimitState(Outcome("optimal", 0.0, 0.0), self._last.load_factor, None, None)
             run.note(state, f"branch and bound, {self.solves} problems", **run.bounds)
 
@@ -300,10 +312,10 @@ class BranchAndBound:
             return
         reach = BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max())
         safe = self._settle(node.forces, reach)
-        goal = self.checker.balanced(node.forces, node.load_factor), node.load_factor
+        target = self.checker.balanced(node.forces, node.load_factor), node.load_factor
         known = None if self.forces is None else (self.forces, self.lower)
         for start in filter(None, (safe, known)):
-            self._keep(self._advanced(start, goal))
+            self._keep(self._advanced(start, target))
 
     def _settle(self, forces: FloatArray, reach: float = 0.0) -> _State | None:
         """Safe forces about the pressure centres of some, then about their own, as long as that
@@ -324,6 +336,8 @@ class BranchAndBound:
             self.forces, self.lower = state[0], float(state[1])
 
     def _safe(self, centre: FloatArray, reach: float) -> _State | None:
+        """The forces with the largest load factor of states that are all admissible about pressure
+        centres (n, 2), which are fractions of the contact; None unless the checker accepts them."""
         disjuncts = self.run.moments.safe_disjuncts(self.run.contacts, centre, reach)
         with self.run.clock.phase("solve"):
             state = self.relaxer.solve(disjuncts, None, ladder=self.relaxer.tight[:1])
@@ -333,12 +347,15 @@ class BranchAndBound:
         found = self.checker.balanced(state.forces, state.load_factor), state.load_factor
         return found if self.checker.is_admissible(*found) else None
 
-    def _advanced(self, start: _State, goal: _State) -> _State:
-        if goal[1] <= start[1] or not np.isfinite(goal[0]).all():
+    def _advanced(self, start: _State, target: _State) -> _State:
+        """The last state on the line from ``start`` to ``target`` that the checker accepts: the
+        farthest of equal steps, then halvings of the step beyond it."""
+        (x, factor), (end, end_factor) = start, target
+        if end_factor <= factor or not np.isfinite(end).all():
             return start
 
         def at(share: float) -> _State:
-            return start[0] + share * (goal[0] - start[0]), start[1] + share * (goal[1] - start[1])
+            return x + share * (end - x), factor + share * (end_factor - factor)
 
         shares = np.linspace(1.0, 0.0, BRANCH.steps + 1)
         low = next((s for s in shares[:-1] if self.checker.is_admissible(*at(s))), 0.0)
