@@ -106,7 +106,6 @@ class Walk:
         self.facets = self.begin.facets
         self.found: list[_At] = []
         self.snaps: list[float] = []
-        self.cuts: list[float] = []
         self.step = 0.0
 
     def first(self) -> _At | _Failed:
@@ -235,8 +234,7 @@ class Walk:
 
     def resume(self, path: Path) -> None:
         """Take over what a path has found, to go on from its end."""
-        free, self.snaps = self.scene.free, [*path.snaps]
-        self.cuts = [*path.snaps]
+        free, self.snaps, self.step = self.scene.free, [*path.snaps], path.step
         for shown in path:
             ways = np.array([shown.displacements[self.scene.blocks[i].id] for i in free])
             pose = self.begin.pose.moved(free, ways)
@@ -290,7 +288,6 @@ class Walk:
                 low, high = jump
                 if low is not here:
                     self.keep(low)
-                self.cuts.append(low.shown.w)
                 way, whole = (y.shown.w - x.shown.w for x, y in (jump, (here, there)))
                 if self.distance(low, high) / way > _JUMP * self.distance(here, there) / whole:
                     self.snaps.append(low.shown.w)  # else a contact closed, and the curve goes up
@@ -396,13 +393,15 @@ class Walk:
         return f"{what} beyond w = {self.found[-1].shown.w:.6g}{who}"
 
     def work(self) -> Work:
-        """Area and potential over the stretches between jumps."""
+        """Area and potential over the stretches between jumps, whose two ends are nearer to each
+        other than the finest step."""
         area = potential = 0.0
         w = np.array([x.shown.w for x in self.found])
         alpha = np.array([x.shown.load_factor for x in self.found])
         energy = np.array([-self.loads.work(x.pose)[0] for x in self.found])
-        cuts = [0, *(int(np.searchsorted(w, s, side="right")) for s in self.cuts), len(w)]
-        for begin, end in pairwise(cuts):
+        near = np.flatnonzero(np.diff(w) <= _FINEST * self.step) + 1
+        jumps = np.union1d(near, np.searchsorted(w, self.snaps, side="right")).astype(int)
+        for begin, end in pairwise([0, *jumps.tolist(), len(w)]):
             if end - begin > 1:
                 curve = CubicSpline(w[begin:end], alpha[begin:end])
                 area += self.loads.size * float(curve.integrate(w[begin], w[end - 1]))
