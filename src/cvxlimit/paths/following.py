@@ -45,9 +45,8 @@ in each other, and ten times what solvers leave."""
 
 _SURE, _FEW, _MANY = 6, 12, 24
 """Iterates: rocking takes 3 to 6, and sliding where slips keep their direction; what has not
-settled in 24 goes to and fro, or loses a quarter of its movement with each: a contact that closes
-in the step, and slides then, has no slip to begin with. After twelve ``SETTLED`` is enough: digits
-end where mechanisms compete."""
+settled in 24 has not settled in 60. After twelve ``SETTLED`` is enough: digits end where
+mechanisms compete."""
 
 _FAR = 1e-3
 """Movement over the contact size from which two iterates lead to the end, each from the answer
@@ -165,7 +164,7 @@ class Walk:
                     return _Failed(w, "not-converged", moved)
                 return found
             # Where mechanisms compete, whole iterates go to and fro between them.
-            share = min(1.0, 2.0 * share) if size < before else max(0.5 * share, 0.125)
+            share = min(1.0, 2.0 * share) if size < 0.5 * before else max(0.5 * share, 0.125)
             before = size
             if iterate >= _FEW and size > _FAR:
                 break
@@ -389,7 +388,7 @@ class Walk:
         what = {
             "falls": "no equilibrium follows",
             "blocked": "no load factor moves the blocks any farther",
-        }.get(failed.kind, "the search breaks off, not the structure: iterates do not settle")
+        }.get(failed.kind, "the iterates do not settle")
         return f"{what} beyond w = {self.found[-1].shown.w:.6g}{who}"
 
     def work(self) -> Work:

@@ -14,10 +14,13 @@ from typing import Self
 
 import numpy as np
 
-from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.paths.pairs import OPPOSED, Facets, Pairs, Pose
 from cvxlimit.paths.path import CLOSED, Points
 from cvxlimit.scene import Scene
+
+NEAR = 1e-9
+"""Rounding of directions: what counts as parallel or normal."""
 
 SETTLED = 1e-7
 """Movement over the contact size that iterates may leave at most. Flush blocks are flush to that,
@@ -97,7 +100,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     # A corner of a at one of b's where the planes are parallel is the same point once more.
     apart = np.linalg.norm(tail[0][i] - tail[1][j], axis=1)
     is_same = (apart <= near) & is_over[1][j]
-    is_same &= (np.einsum("px,px->p", normal[0], normal[1]) < ROUNDING - 1.0)[pairs.pair[0][i]]
+    is_same &= (np.einsum("px,px->p", normal[0], normal[1]) < NEAR - 1.0)[pairs.pair[0][i]]
     is_over[0][i[is_same]] = False
     flat_along = [head - tail for head, tail in zip(flat_head, flat_tail, strict=True)]
     s, t = _crossings(flat_tail[0][i], flat_along[0][i], flat_tail[1][j], flat_along[1][j], near)
@@ -108,10 +111,10 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     corner = [np.flatnonzero(over) for over in is_over]
     pair_of = [pairs.pair[0][corner[0]], pairs.pair[1][corner[1]], pairs.pair[0][i]]
     crossing = tail[0][i] + s * along[0][i], tail[1][j] + t * along[1][j]
-    crossed_by = _ways(pairs, pose, (i, j), normal, (along[0][i], along[1][j]), mean)
+    unit, is_own = _common(pairs, pose, (i, j), normal, (along[0][i], along[1][j]), mean)
     ways = -normal[1][pair_of[0]], normal[0][pair_of[1]]
     at = [tail[0][corner[0]], tail[1][corner[1]], 0.5 * (crossing[0] + crossing[1])]
-    n = np.concatenate([*ways, crossed_by])
+    n = np.concatenate([*ways, np.where(is_own[:, None], unit, mean[pair_of[2]])])
     above = np.concatenate([
         plane[1][pair_of[0]] - at[0], at[1] - plane[0][pair_of[1]], crossing[1] - crossing[0],
     ])  # fmt: skip
@@ -136,32 +139,24 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     return Points(a, b, x, axes, gap, slip, facets.friction(a, b)), pair, number
 
 
-def _ways(
+def _common(
     pairs: Pairs, pose: Pose, at: tuple[IntArray, IntArray], normal: FloatArray,
     along: tuple[FloatArray, FloatArray], mean: FloatArray,
-) -> FloatArray:  # fmt: skip
-    """Directions (k, 3) of the gaps at crossing edges ``at`` of both sides: the edges' common
-    perpendicular, as far as it lies between the normals of the two faces at each edge. Where it
-    lies beyond the facet of one side, that facet's own normal, which it passes over into: an edge
-    that slides on a face keeps one normal. Elsewhere, as along each other, the mean normal."""
+) -> tuple[FloatArray, BoolArray]:  # fmt: skip
+    """Common perpendiculars (k, 3) of crossing edges ``at`` of both sides, and whether they part
+    the two blocks there: each must be a normal of both edges, between those of their two faces.
+    Edges that lie along each other have some perpendicular or other, which says nothing."""
     pair = pairs.pair[0][at[0]]
     across = np.cross(*along)
     length = np.linalg.norm(across, axis=1)
     towards = np.einsum("kx,kx->k", across, mean[pair])
-    is_plain = np.abs(towards) > -OPPOSED * length
-    unit = across / np.where(is_plain, np.copysign(length, towards), 1.0)[:, None]
-    within = []
+    is_own = np.abs(towards) > -OPPOSED * length
+    unit = across / np.where(is_own, np.copysign(length, towards), 1.0)[:, None]
     for k, way in ((0, unit), (1, -unit)):
         beyond = pose.turned(pairs.block[k][pair], pairs.beside[k][at[k]])
-        least = ROUNDING * np.linalg.norm(along[k], axis=1)
-        inward = np.cross(normal[k][pair], along[k]), np.cross(along[k], beyond)
-        of_own, of_other = (np.einsum("kx,kx->k", way, x) <= least for x in inward)
-        is_plain &= of_other
-        within.append(of_own)
-    is_plain &= within[0] | within[1]
-    cases = [~is_plain, ~within[0], ~within[1]]
-    chosen = [mean[pair], normal[0][pair], -normal[1][pair]]
-    return np.select([x[:, None] for x in cases], chosen, unit)
+        for inward in (np.cross(normal[k][pair], along[k]), np.cross(along[k], beyond)):
+            is_own &= np.einsum("kx,kx->k", way, inward) <= NEAR * np.linalg.norm(along[k], axis=1)
+    return unit, is_own
 
 
 def _widths(pair: IntArray, x: FloatArray, basis: FloatArray) -> FloatArray:
@@ -205,7 +200,7 @@ def _crossings(
     near an end are corners that :func:`_inside` has."""
     lengths = np.linalg.norm(along, axis=1), np.linalg.norm(beside, axis=1)
     turn, offset = _cross(along, beside), other - tail
-    is_plain = np.abs(turn) > ROUNDING * lengths[0] * lengths[1]
+    is_plain = np.abs(turn) > NEAR * lengths[0] * lengths[1]
     divisor = np.where(is_plain, turn, 1.0)
     s, t = _cross(offset, beside) / divisor, _cross(offset, along) / divisor
     for share, length in zip((s, t), lengths, strict=True):
