@@ -16,9 +16,11 @@ from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem
+from cvxlimit.methods.interaction.restriction import lower_bound
 from cvxlimit.methods.interaction.restriction.inner import Boxes, InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
 from cvxlimit.methods.interaction.restriction.problems import InnerIterate
+from cvxlimit.methods.interaction.settings import PROOF
 from cvxlimit.model.statics import Statics
 from cvxlimit.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.readings.named import parse_moments
@@ -207,8 +209,7 @@ def test_accepted_iterates_pass_the_checker(moments: str) -> None:
     assert len(accepted) >= 3
     for iterate in accepted:
         assert iterate.bound is not None
-        assert iterate.bound.excess <= 1e-7  # what is accepted, and taken off the bound
-        assert iterate.bound.value <= iterate.bound.load_factor
+        assert iterate.bound.excess <= 1e-9
         assert_admissible(scene, iterate.bound.forces, iterate.bound.load_factor, moments)
 
 
@@ -355,14 +356,17 @@ def test_corrupted_forces_are_refused() -> None:
         assert checker.of(wrong, factor).value <= factor
 
 
-def test_nothing_to_mix_in() -> None:
-    """No state carries the dead load alone: under gravity inclined by 0.8 a block with friction 0.5
-    slides, unless more than the difference, of what presses, pushes it back."""
+def test_more_contacts_than_are_tried_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no state is known that carries the dead load alone there is nothing to mix in, however
+    many contacts there are: 4,914 ended in an error of Python's. Under gravity inclined by 0.8 a
+    block with friction 0.5 slides, unless more than the difference, of what presses, pushes it
+    back."""
     ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
     down = Load(gravity=tuple(np.array([0.8, 0.0, -1.0]) / np.hypot(0.8, 1.0)))
     push = Load(acceleration=(-1.0, 0.0, 0.0))
     block = Block.box("b", (-0.5, -0.5, 0.0), (0.5, 0.5, 0.5), density=20.0)
     scene = Scene((ground, block), ("ground",), push, down, friction=0.5)
+    monkeypatch.setattr(lower_bound, "PROOF", replace(PROOF, rows=0))
     bounds, statics = LowerBounds(scene, INDEPENDENT), LowerBounds(scene, INDEPENDENT).statics
     assert not bounds.reserves
     least = (0.8 - 0.5) / np.hypot(0.8, 1.0)
@@ -503,6 +507,7 @@ def test_boxes_shrink_only_where_forces_exceed() -> None:
         over = interaction_excess(forces, contacts, "signed")
         assert over[0] < 0.0
         assert boxes.excess == pytest.approx(over[1])
+        assert boxes.largest == pytest.approx(over[1])
 
 
 def test_a_search_does_not_lower_the_best_bound() -> None:

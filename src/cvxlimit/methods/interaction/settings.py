@@ -16,14 +16,18 @@ class ProofSettings:
     # residual and excess of Eq. 9 and 30 beyond which forces are refused, and compression up to
     # which a pressure centre means nothing
     accepted: float = 1e-7
+    most_lost: float = 0.1  # share of the load factor that excess may be worth: else refused, too
     # shares of a dead-load state mixed in to be strictly admissible, up to the usual width of a
     # bracket where forces are close
-    shares: tuple[float, ...] = (1e-9, 1e-7, 1e-5, 1e-3)
+    shares: tuple[float, ...] = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
+    rows: int = 4000  # contacts of mixtures that are tried at a time
     # shares of friction and size that such states may use: with little shear and central pressure
     # what is mixed in never leads outside, although Eq. 30 is not convex
-    reserves: tuple[tuple[float, float], ...] = ((0.2, 0.5), (1.0, 1.0))
+    reserves: tuple[tuple[float, float], ...] = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
     margin: float = 1e-6  # of friction and size to begin with, where centres are held,
-    growth: float = 3.0  # and its growth after each attempt, as of prices of slack. So many:
+    growth: float = (
+        3.0  # and its growth after each attempt, as of prices of slack. So many attempts:
+    )
     attempts: tuple[int, int, int] = (5, 12, 4)  # for all contacts, where it did not do, safe steps
     late: float = 0.05  # share of a run's time that proofs take together once that is over
     most_of_width: float = 0.1  # share of the bracket's width that a proof may cost
@@ -33,20 +37,28 @@ class ProofSettings:
 class ClimbSettings:
     """Steps to a lower bound; boxes of pressure centres that follow a relaxation to one."""
 
+    penalty_steps: int = 4  # at most
+    price: float = 0.7  # of slack at first, over the fastest twist, which is what slack is worth
     long: tuple[float, ...] = (0.1, 0.1, 0.1, 0.3)  # curvature of long steps
-    # shares towards the middle after failures, the second of a relaxation: it presses on the rims
-    retreats: tuple[float, ...] = (0.005, 0.05, 1.0)
+    inward: float = 0.05  # share towards the middle: relaxations press on the rims of contacts
+    retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)  # the same after a failure
+    hope: float = 2.0  # times the predicted gain must reach the best bound, else it is given up
     # prices of slack, scaled, where forces are sought that carry a load alone, the last one until
     # little of it is left; None: a safe step
     prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, 1000.0, 1000.0, None)
     first: float = 0.8  # half width of boxes about given pressure centres
     exploring: int = 8  # boxes that may grow
     settling: int = 12  # boxes that only shrink
+    limited: tuple[int, int] = (4, 4)  # both with Eq. 27, where safe steps gain more per second
+    others: tuple[int, int] = (6, 18)  # and on contacts that are not rectangles
     shrink: float = 0.8  # factor where forces exceed Eq. 30, while exploring
     growth: float = 1.5  # factor where they do not
     settle: float = 0.6  # factor of all others
-    settled: float = 1e-2  # excess of all contacts from which steps or frozen problems follow,
+    nearly: float = 3e-2  # excess of all contacts from which frozen problems follow
+    settled: float = 1e-2  # the same from which steps follow
+    frozen: float = 5e-3  # and on contacts that are not rectangles frozen problems,
     retry: float = 0.5  # share of it at which safe problems are tried again
+    noise: float = 2e-5  # largest excess that may be due to loose solves alone
 
 
 @dataclass(frozen=True)

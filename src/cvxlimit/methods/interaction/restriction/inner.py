@@ -35,7 +35,7 @@ class Boxes:
     The smaller a box, the less states in its hull exceed Eq. 30. So boxes shrink where the last
     relaxation's forces exceed it, and only there; while the way is open (*exploring*) others even
     grow. ``centre`` (n, 2) and ``size`` (n,) to either side are fractions of :func:`half_extent`;
-    ``excess`` that of the last forces in all, over ``force``.
+    ``excess`` and ``largest`` that of the last forces, over ``force``, in all and at the worst.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Boxes:
         self.contacts, self.moments, self.force = contacts, moments, force
         self.size = np.full(len(contacts), WHOLE if forces is None else first)
         self.centre = np.zeros((len(contacts), 2))
-        self.excess = np.inf
+        self.excess = self.largest = np.inf
         if forces is not None:
             self._move(forces)
 
@@ -61,7 +61,7 @@ class Boxes:
 
     def follow(self, forces: FloatArray, *, exploring: bool) -> None:
         over = np.maximum(self.moments.excess(forces, self.contacts), 0.0) / self.force
-        self.excess = float(over.sum())
+        self.excess, self.largest = float(over.sum()), float(over.max())
         self._move(forces)
         shrink, growth = (CLIMB.shrink, CLIMB.growth) if exploring else (CLIMB.settle, 1.0)
         factor = np.where(over > NUMBERS.leading, shrink, growth)
@@ -110,13 +110,15 @@ class InnerMethod(SafeProblems):
         With Eq. 27 frozen problems rarely have states; on polygons boxes lead farther."""
         way = self._stepped(start)
         if self.moments.is_about_centre and self.contacts.is_rectangle.all():
-            way = (self._narrowed if self.moments.is_limited else self._settled)(start)
+            is_limited = self.moments.is_limited
+            way = self._narrowed(start, *CLIMB.limited) if is_limited else self._settled(start)
         return self._search("middle" if start is None else "relaxation", way)
 
     def narrowed(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """Boxes that shrink until their forces nearly satisfy Eq. 30, and steps from there: slower
         than :meth:`iterates`, and on irregular walls often higher."""
-        return self._search("boxes", self._narrowed(start))
+        schedule = CLIMB.others if self.has_others else ()
+        return self._search("boxes", self._narrowed(start, *schedule))
 
     def from_stricter_reading(self, stricter: Moments) -> Iterator[InnerIterate]:
         run = self.run
@@ -144,9 +146,15 @@ class InnerMethod(SafeProblems):
     def _boxes(self, start: FloatArray | None) -> Boxes:
         return Boxes(self.contacts, self.moments, self.step.scaling.force, start, self.first)
 
-    def _narrowed(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+    def _narrowed(
+        self,
+        start: FloatArray | None,
+        exploring: int = CLIMB.exploring,
+        settling: int = CLIMB.settling,
+    ) -> Iterator[InnerIterate]:
         boxes, point, best = self._boxes(start), self.middle, -np.inf
-        for number in range(1, CLIMB.exploring + CLIMB.settling + 1):
+        settled = CLIMB.frozen if self.has_others else CLIMB.settled
+        for number in range(1, exploring + settling + 1):
             iterate = self.relaxed("box", boxes.disjuncts)
             yield iterate
             forces = iterate.state.forces
@@ -155,8 +163,8 @@ class InnerMethod(SafeProblems):
             if iterate.load_factor <= self._mark:
                 return
             point = self.point(forces, point)
-            boxes.follow(forces, exploring=number < CLIMB.exploring)
-            if number < CLIMB.exploring or boxes.excess > CLIMB.settled:
+            boxes.follow(forces, exploring=number < exploring)
+            if number < exploring or boxes.excess > settled:
                 continue
             if not self.has_others:
                 break
@@ -173,7 +181,7 @@ class InnerMethod(SafeProblems):
         if start is None:
             yield from self._after_penalties()
         else:
-            yield from self._after_long(self.point(start).shrunk(CLIMB.retreats[1]))
+            yield from self._after_long(self.point(start).shrunk(CLIMB.inward))
         best = self.run.best.forces
         if best is not None and self.has_others:
             yield self.frozen(self._boxes(best).centre)
@@ -190,9 +198,10 @@ class InnerMethod(SafeProblems):
 
     def _settling(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         boxes = self._boxes(start)
-        best, nearly, explored, freezes = -np.inf, CLIMB.settled, 0, True
+        best, nearly, explored, freezes = -np.inf, CLIMB.nearly, 0, True
         for _ in range(CLIMB.exploring + CLIMB.settling):
-            iterate = self.relaxed("box", boxes.disjuncts)
+            disjuncts = boxes.disjuncts
+            iterate = self.relaxed("box", disjuncts)
             yield iterate
             forces, factor = iterate.state.forces, iterate.load_factor
             if forces is None:
@@ -205,7 +214,7 @@ class InnerMethod(SafeProblems):
             if boxes.excess > nearly and not iterate.is_safe:
                 continue
             lower = iterate.lower
-            for nearby in self._nearby(boxes, forces, freezes):
+            for nearby in self._nearby(boxes, disjuncts, forces, freezes):
                 yield nearby
                 freezes = nearby.is_safe if nearby.kind == "frozen" else freezes
                 lower = max(lower, nearby.lower)
@@ -214,13 +223,21 @@ class InnerMethod(SafeProblems):
                 return
             best, nearly = max(best, lower), CLIMB.retry * boxes.excess
 
-    def _nearby(self, boxes: Boxes, forces: FloatArray, freezes: bool) -> Iterator[InnerIterate]:
+    def _nearby(
+        self, boxes: Boxes, disjuncts: Disjuncts, forces: FloatArray, freezes: bool
+    ) -> Iterator[InnerIterate]:
         """The frozen problem at the boxes' centres. Where that has no interior, as where forces are
-        determinate: a safe step at them."""
+        determinate: the box problem itself, tightly, if all that keeps its forces from being
+        admissible is how it was solved; else a safe step at them."""
         if freezes:
             frozen = self.frozen(boxes.centre)
             yield frozen
             if frozen.is_safe:
+                return
+        if boxes.largest <= CLIMB.noise:
+            tight = self.restricted("box", lambda settings: self.hull.solve(disjuncts, settings))
+            yield tight
+            if tight.is_safe:
                 return
         point = self.point(forces)
         yield self.restricted("safe", lambda settings: self.step.solve(point, settings), self.warm)
@@ -249,7 +266,7 @@ class InnerMethod(SafeProblems):
             least, hope = self.gain * abs(iterate.lower), _predicted(gains)
             if gain < least and (reach == 0.0 or (gain > 0.0 and hope < least)):
                 return
-            if best + hope < self._mark:
+            if best + CLIMB.hope * hope < self._mark:
                 return
             reach, at = reach if gain > 0.0 else 0.0, here
             if before is not None and reach > 0.0:
@@ -277,15 +294,19 @@ class InnerMethod(SafeProblems):
         grows until nothing is bought, then safe ones."""
         first = self.safe(self.middle)
         yield first
-        point, price = self.middle, self.fastest_twist(first.state)
-        while True:
+        price = CLIMB.price * self.fastest_twist(first.state)
+        point, last = self.middle, np.inf
+        for number in range(CLIMB.penalty_steps):
             iterate = self.leading_step("penalty", point, price)
             yield iterate
             if iterate.state.forces is None:
                 break
-            point, price = self.point(iterate.state.forces, point), PROOF.growth * price
+            point = self.point(iterate.state.forces, point)
             if iterate.slack <= TOLERANCE:
                 break
+            stuck = number > 0 and iterate.slack > 0.5 * last
+            price *= PROOF.growth * (10.0 if stuck else 1.0)
+            last = iterate.slack
         yield from self.improve(point)
 
 

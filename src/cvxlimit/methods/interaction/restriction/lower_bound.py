@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -70,6 +70,7 @@ class LowerBounds:
     def __init__(self, scene: Scene | Assemblage, moments: Moments) -> None:
         self.assemblage, self.moments = Assemblage.of(scene), moments
         self.statics, self.scaling = self.assemblage.statics, self.assemblage.scaling
+        self._disjuncts: dict[int, Contacts] = {}
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
         if not (np.isfinite(forces).all() and np.isfinite(load_factor)):
@@ -81,12 +82,32 @@ class LowerBounds:
         is_close = plain.is_accepted and max(plain.excess, plain.residual) <= ROUNDING
         most = TOLERANCE if is_close else PROOF.shares[-1]
         shares = [share for share in PROOF.shares if share <= most]
-        for share, reserve in product(shares, self.reserves):
+        for share, reserve in self._admissible(balanced, shares):
             mixed = (1.0 - share) * balanced + share * reserve
             bound = self.checked(mixed, (1.0 - share) * load_factor)
             if bound.is_proved:
                 return bound
         return plain
+
+    def _admissible(
+        self, forces: FloatArray, shares: Sequence[float]
+    ) -> Iterator[tuple[float, FloatArray]]:
+        """Mixtures that satisfy Eq. 9 and 30, least shares first. Many are tried at a time: that
+        takes NumPy hardly longer than one."""
+        every, n = list(product(shares, self.reserves)), len(forces)
+        at_a_time = max(len(self.reserves), PROOF.rows // max(n, 1), 1)
+        for mixtures in (every[k : k + at_a_time] for k in range(0, len(every), at_a_time)):
+            mixed = np.concatenate([(1.0 - t) * forces + t * x for t, x in mixtures])
+            over = true_excess(mixed, self._repeated(len(mixtures)), self.moments)
+            for given, most in zip(mixtures, over.reshape(-1, n).max(axis=1), strict=True):
+                if most <= 0.0:
+                    yield given
+
+    def _repeated(self, times: int) -> Contacts:
+        if times not in self._disjuncts:
+            contacts = self.statics.contacts
+            self._disjuncts[times] = contacts.take(np.tile(np.arange(len(contacts)), times))
+        return self._disjuncts[times]
 
     @cached_property
     def reserves(self) -> tuple[FloatArray, ...]:
@@ -115,7 +136,8 @@ class LowerBounds:
         proved = excess <= 0.0 and self._is_balanced(forces, load_factor)
         rate = REFERENCE * self.statics.rate_of_the_lightest(self.scaling.length)
         lost = 0.0 if proved else float(over.sum() + rest.sum()) * rate
-        is_near = max(excess, residual) <= PROOF.accepted
+        unit = self.scaling.unit(load_factor)
+        is_near = max(excess, residual) <= PROOF.accepted and lost <= PROOF.most_lost * unit
         value = float(load_factor) - lost if proved or is_near else -np.inf
         return LowerBound(value, forces, float(load_factor), proved, excess, residual)
 
