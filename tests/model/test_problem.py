@@ -13,8 +13,8 @@ from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.convex import Convex
 from cvxlimit.model.formulations import corner_compressions, resultants
-from cvxlimit.model.goals import LargestFactor
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import LargestFactor
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces.coulomb import surfaces_of
 from helpers import (

@@ -25,10 +25,10 @@ from cvxlimit.model.formulations import (
     resultants,
     vertex_forces,
 )
-from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.point_friction import PointFriction, at_corners
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.sinks import Constraints
+from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.states.majorants import Point

@@ -19,8 +19,8 @@ from cvxlimit.errors import SolverError
 from cvxlimit.masonry import panel, running_bond, wall
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import resultants
-from cvxlimit.model.goals import LargestFactor
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import LargestFactor
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solvers import (
     Blockwise,

@@ -26,8 +26,8 @@ from cvxlimit.methods.standing import (
 from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
-from cvxlimit.model.goals import LargestFactor, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength

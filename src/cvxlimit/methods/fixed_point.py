@@ -17,7 +17,7 @@ from cvxlimit.methods.convex_search import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps, cycles
 from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.model.formulations import FORCES
-from cvxlimit.model.goals import LARGEST_FACTOR, Stated
+from cvxlimit.model.statement import LARGEST_FACTOR, Stated
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.states.pressure import Pressure

@@ -10,8 +10,8 @@ import numpy as np
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceModel, corner_compressions, resultants
-from cvxlimit.model.goals import LARGEST_FACTOR, Goal
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import LARGEST_FACTOR, Goal
 from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.states.pressure import Pressure

@@ -13,8 +13,8 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.goals import Stated
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Iterate, LowerEnd
 from cvxlimit.solution.bracket import REFERENCE, Bracket, rounded

@@ -13,8 +13,8 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.goals import Stated
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import Stated
 from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import times

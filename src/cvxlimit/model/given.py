@@ -18,8 +18,8 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.sinks import check_values
 from cvxlimit.model.statics import DOF
-from cvxlimit.model.theta import check_values
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load
 from cvxlimit.surfaces.base import number, product

@@ -19,9 +19,8 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
-from cvxlimit.model.sinks import Form, Rows
+from cvxlimit.model.sinks import Form, Rows, check_values
 from cvxlimit.model.statics import DOF
-from cvxlimit.model.theta import check_values
 from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.program import ConeProgram
 

@@ -18,9 +18,9 @@ from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.changing import Changeable
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.given import Given
-from cvxlimit.model.goals import LARGEST_FACTOR, Goal, LargestFactor, Stated
 from cvxlimit.model.limits import ContactForces
 from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
+from cvxlimit.model.statement import LARGEST_FACTOR, Goal, LargestFactor, Stated
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution

@@ -1,9 +1,10 @@
-"""The limit problem (Eq. 39), stated once to any sink: strength, loads and equilibrium, scaled."""
+"""The limit problem (Eq. 39), stated once to any sink: strength, loads and equilibrium, scaled; and
+what it may maximise, its goal."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,10 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.errors import ModelError
-from cvxlimit.model.assemblage import Equilibrium, Reduction
+from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
 from cvxlimit.model.given import Given
-from cvxlimit.model.goals import Goal, Stated
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.model.statics import DOF
 from cvxlimit.surfaces.base import (
@@ -28,6 +28,75 @@ from cvxlimit.surfaces.base import (
 )
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import needed_surfaces
+
+
+@dataclass(eq=False)
+class Stated:
+    """A limit problem on its way into a sink, for goals: all in forms of that sink, scaled.
+
+    Attributes
+    ----------
+    assemblage : Assemblage
+    into : Sink
+        Takes unknowns and limits of the goal's own.
+    forces : dict of component or part to form (n,)
+        Over the unit of force; :data:`CONSTANT` is the user's unit over it.
+    internal : sequence of form
+        The forces of the formulation's parts, over the units of force and length.
+    factor : form
+        The load factor.
+    dead, live : array or form (6 free blocks,)
+        The load that forces balance is ``dead + factor * live``; a goal may put others.
+    own : mapping of str to form
+        Unknowns of the goal's own whose values are asked for.
+    before : int
+        Equations stated before those of equilibrium, in rows.
+    """
+
+    assemblage: Assemblage
+    into: Constraints | Rows
+    forces: dict[str, Any]
+    internal: Sequence[Any]
+    factor: Any
+    dead: Any
+    live: Any
+    own: dict[str, Any] = field(default_factory=dict)
+    before: int = 0
+
+
+Goal = Callable[[Stated], Any]
+"""What a problem maximises: a form, with limits of its own stated on the way. With an attribute
+``is_quadratic`` it is an expression of CVXPY's alone, and such problems have no rows."""
+
+
+@dataclass(frozen=True)
+class LargestFactor:
+    """The load factor, at most ``most`` where only its reach is asked for."""
+
+    most: float | None = None
+
+    def __call__(self, stated: Stated) -> Any:
+        if self.most is not None:
+            most = self.most / stated.assemblage.scaling.load_factor(1.0)
+            stated.into.nonneg(most - stated.factor)
+        return stated.factor
+
+
+LARGEST_FACTOR = LargestFactor()
+
+
+def largest_self_stress(stated: Stated) -> Any:
+    """Sum of all compressions without any load, none above one: whether blocks hold each other.
+
+    If the value is 0, the duals of equilibrium open every contact by at least 1 more than the flow
+    rule asks for: forces that balance themselves do no work on any rates, but positive work where
+    every contact opens. If it is positive, duals mean nothing.
+    """
+    pressure = stated.forces["N"]
+    stated.into.nonneg(1.0 - pressure)
+    stated.into.zero(stated.factor)
+    stated.dead, stated.live = 0.0 * stated.dead, 0.0 * stated.live
+    return np.ones(pressure.size) @ pressure
 
 
 class Statement:

@@ -29,9 +29,9 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part
-from cvxlimit.model.goals import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.sinks import gathered
+from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import Points

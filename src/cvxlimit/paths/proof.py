@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.model.assemblage import Balance
-from cvxlimit.model.goals import Stated, largest_self_stress
+from cvxlimit.model.statement import Stated, largest_self_stress
 from cvxlimit.paths.increment import LADDER, Increment, Loads, point_forces
 from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import CLOSED, Flow, Points

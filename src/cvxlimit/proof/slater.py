@@ -38,7 +38,7 @@ class _Numbers:
     opening_iterations: int = 50
     """Opening fields aim at rates of 1; with as much to spare and relaxed so, projections take half
     the iterations of plain ones. Where they do not end, a solver does
-    (:func:`~cvxlimit.model.goals.largest_self_stress`)."""
+    (:func:`~cvxlimit.model.statement.largest_self_stress`)."""
     attempts: tuple[tuple[float, int], ...] = ((0.1, 60), (0.1, 100), (0.01, 100), (0.0001, 60))
     """Least corner compression, as a share of what the lighter of the two blocks would give if its
     load were spread over its contacts, and iterations allowed for it. The first is the easy one."""

@@ -15,8 +15,8 @@ from cvxlimit.base.checks import meant
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.goals import Stated
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import Stated
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import reading_of
 from cvxlimit.readings.states.pressure import Pressure

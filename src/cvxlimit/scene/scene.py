@@ -155,7 +155,7 @@ class Scene(RemadeFromFields, SceneJoints):
         """One line with the number of near misses and the nearest; empty if there are none."""
         return near_miss_sentence(self.near_misses, self.units.length)
 
-    @property
+    @cached_property
     def lumped(self) -> Lumped | None:
         """Faces that contacts take as planes that they are not in; None without any."""
         return lumped_at(self.contacts)
@@ -362,7 +362,8 @@ class Scene(RemadeFromFields, SceneJoints):
         """The same scene, whose contacts follow from something else."""
         copy = object.__new__(type(self))
         copy.__dict__.update(self.__dict__, **{name: value})
-        copy.__dict__.pop("contacts", None)
+        for follows in ("contacts", "lumped"):
+            copy.__dict__.pop(follows, None)
         return copy
 
     @cached_property

@@ -28,8 +28,8 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.dilatancy.tresca import is_friction, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.goals import LargestFactor, Stated
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import LargestFactor, Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.gluing import with_contacts
 from cvxlimit.proof.minorant import minorant

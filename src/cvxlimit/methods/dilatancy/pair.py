@@ -28,8 +28,8 @@ from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.dilatancy.tresca import HeldFormulation, Slip, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.goals import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import Reductions, contacts_of
 from cvxlimit.solvers import LimitState, SolverSettings, blockwise, clarabel_at

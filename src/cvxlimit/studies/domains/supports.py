@@ -18,8 +18,8 @@ from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import BOUNDLESS, Run, packed
 from cvxlimit.model.assemblage import Reduction
-from cvxlimit.model.goals import LargestFactor, Stated, largest_self_stress
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import LargestFactor, Stated, largest_self_stress
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier

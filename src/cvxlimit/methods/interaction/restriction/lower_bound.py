@@ -18,8 +18,8 @@ from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import PROOF
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
-from cvxlimit.model.goals import LargestFactor
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import LargestFactor
 from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import Strength

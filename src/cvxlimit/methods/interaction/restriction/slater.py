@@ -17,8 +17,8 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
 )
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
-from cvxlimit.model.goals import LargestFactor
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import LargestFactor
 from cvxlimit.proof.admissible import INSIDE, carried_exactly
 from cvxlimit.readings.states.majorants import Point
 from cvxlimit.solvers import SolverSettings

@@ -20,8 +20,8 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
-from cvxlimit.model.goals import Stated
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statement import Stated
 from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.settings import SUPPORT
