@@ -23,20 +23,20 @@ from cvxlimit.geometry.penetration import Overlaps
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 
 _AGREE = 0.5
-"""Both sides agree on a shape where the angles between their faces are less than half the angles
-between the faces and one plane (root mean squares over the joint's area). Two meshes of one arc
-with n faces each, half a face apart, come to sqrt(3) / n; sides that are rough on their own, and
-one rough side on a plane, to 2."""
+"""Both sides of a joint agree on a curved shape where the angles between their faces are less than
+half the angles between the faces and one plane (root mean squares over the joint's area). The ratio
+is sqrt(3) / n for two meshes of one arc with n faces each, half a face apart; it is 2 for sides
+that are rough on their own, and for a rough side on a plane."""
 
 
-class Shapes:
-    """The faces of blocks as they are, for joints that may be curved.
+class CurvedJoints:
+    """Replaces plane contacts by contacts between single faces where a joint is curved.
 
-    Detection lumps the nearly coplanar faces of a block into *patches*, the rows of ``table``, and
-    takes what two patches share as one plane contact. Where a joint is curved, as between the
-    voussoirs of a vault, both sides have the same shape and every pair of faces is a contact; where
-    sides are rough, each in its own way, the mean plane is right. The patches of a *sheet* go over
-    into each other without a sharp edge, and shapes are compared sheet by sheet.
+    The faces of a block are grouped on two levels: nearly coplanar neighbours are a *patch* (a row
+    of ``table``), and patches that meet without a sharp edge are a *sheet*. What two patches share
+    is one plane contact. That is right for rough faces, but not for a curved joint, as between the
+    voussoirs of a vault: there both sides have the same shape, and each pair of faces is a contact.
+    Which of the two holds is decided for each pair of sheets.
     """
 
     def __init__(self, blocks: Sequence[Block], table: FacetTable, reach: Reach) -> None:
@@ -44,107 +44,121 @@ class Shapes:
 
     def by_face(self, joints: Joints) -> Joints:
         """Returns the joints, with pairs of faces in place of pairs of patches wherever both sides
-        agree on a shape that is no plane."""
-        # Pairs of sheets that come near each other and have patches of several faces.
-        near = (joints.gaps[:, 0] <= joints.allowed + joints.warped) & (
-            joints.gaps[:, 1] >= -joints.allowed - joints.warped
+        have the same curved shape."""
+        # 1. The pairs of sheets to look at: near each other, with patches of several faces.
+        near = (joints.gaps[:, 0] <= joints.tolerance + joints.warped) & (
+            joints.gaps[:, 1] >= -joints.tolerance - joints.warped
         )
-        asked = np.unique(joints.sheet[near & joints.lumped.any(axis=1)], axis=0)
-        if not len(asked):
+        sheets = np.unique(joints.sheet[near & joints.lumped.any(axis=1)], axis=0)
+        if not len(sheets):
             return joints
-        # Their faces, one by one: they bear where they are within the tolerance of each other and
-        # their normals agree better than with one plane.
-        faces = self._faces(joints, asked)
-        number, key = _numbered(asked, faces.sheet)
-        faces, key = faces.take(np.flatnonzero(number)), key[number]
-        agreed = _agreed(faces, key, len(asked))
-        faces = replace(
-            faces, joined=faces.is_within & agreed[key], missed=np.zeros(len(key), bool)
-        )
-        # Sheets keep their patches where faces would bear less area than these, or too narrow one.
-        there, own = _numbered(asked, joints.sheet)
-        borne = np.bincount(key, faces.found.area * faces.joined, len(asked)).astype(float)
-        patched = np.bincount(own[there], (joints.found.area * joints.joined)[there], len(asked))
+        # 2. Joints between their single faces: contacts where these are within the tolerance of
+        # each other and the normals of both sides agree better than with one plane. ``pair`` (k,)
+        # is the number of each joint's pair of sheets, ``agree`` one value per pair of sheets.
+        faces = self._faces(joints, sheets)
+        is_in, pair = _numbered(sheets, faces.sheet)
+        faces, pair = faces.take(np.flatnonzero(is_in)), pair[is_in]
+        agree = _agreed(faces, pair, len(sheets))
+        none = np.zeros(len(pair), bool)
+        faces = replace(faces, is_contact=faces.is_within & agree[pair], is_near_miss=none)
+        # 3. A pair of sheets keeps its patches where the faces share less area, or too narrow one.
         # Areas differ by the cosine of the steepest face in a patch though nothing is missing.
-        agreed &= (borne >= SAME_WAY * patched) & _is_wide(faces, key, borne)
-        faces = faces.take(np.flatnonzero(faces.joined & agreed[key]))
-        # Faces take the place of the patches of sheets that agree; what they cover is not missed.
-        there[there] = agreed[own[there]]
-        covered = there & (_area_of_patches(faces, joints) >= 0.5 * joints.found.area)
-        kept = replace(joints, joined=joints.joined & ~there, missed=joints.missed & ~covered)
-        return kept.with_rows(faces)
+        there, patch_pair = _numbered(sheets, joints.sheet)
+        area = faces.overlap.area * faces.is_contact
+        face_area = np.bincount(pair, area, len(sheets)).astype(float)
+        area = joints.overlap.area * joints.is_contact
+        patch_area = np.bincount(patch_pair[there], area[there], len(sheets))
+        agree &= (face_area >= SAME_WAY * patch_area) & _is_wide(faces, pair, face_area)
+        faces = faces.take(np.flatnonzero(faces.is_contact & agree[pair]))
+        # 4. Elsewhere faces replace patches; patches that they cover by half are no near misses.
+        there[there] = agree[patch_pair[there]]
+        covered = there & (_area_of_patches(faces, joints) >= 0.5 * joints.overlap.area)
+        remaining = replace(
+            joints,
+            is_contact=joints.is_contact & ~there,
+            is_near_miss=joints.is_near_miss & ~covered,
+        )
+        return remaining.with_rows(faces)
 
-    def _faces(self, joints: Joints, asked: IntArray) -> Joints:
-        """Overlaps of the faces in such sheets, as they are."""
-        there = np.flatnonzero(np.isin(self.table.sheet, asked))
-        which = np.unique(self.table.block[there])
+    def _faces(self, joints: Joints, sheets: IntArray) -> Joints:
+        """Joints between the single faces of the pairs of ``sheets`` (s, 2)."""
+        patches = np.flatnonzero(np.isin(self.table.sheet, sheets))
+        which = np.unique(self.table.block[patches])
         blocks = [self.blocks[i] for i in which.tolist()]
-        row: list[IntArray] = []  # of the table of patches, of every face of each block
+        patch_of: list[IntArray] = []  # per block: the row of each face's patch, or -1
         shapes: dict[Facets, list[int]] = defaultdict(list)
         for i, block in enumerate(blocks):
-            row.append(np.full(len(block.faces), -1))
-            for k in there[self.table.block[there] == which[i]].tolist():
-                row[i][list(self.table.faces[k])] = k
-            own = planes(block.vertices, block.faces, np.flatnonzero(row[i] >= 0))
-            shapes[own].append(i)
-        fine = facet_table(blocks, shapes)
-        owner = [row[i][group[0]] for i, group in zip(fine.block, fine.faces, strict=True)]
-        fine = replace(fine, sheet=self.table.sheet[owner], patch=self.table.patch[owner])
+            patch_of.append(np.full(len(block.faces), -1))
+            for k in patches[self.table.block[patches] == which[i]].tolist():
+                patch_of[i][list(self.table.faces[k])] = k
+            facets = planes(block.vertices, block.faces, np.flatnonzero(patch_of[i] >= 0))
+            shapes[facets].append(i)
+        table = facet_table(blocks, shapes)
+        patch = [patch_of[i][group[0]] for i, group in zip(table.block, table.faces, strict=True)]
+        table = replace(table, sheet=self.table.sheet[patch], patch=self.table.patch[patch])
         tolerance = self.reach.tolerance[which]
         reach = Reach(self.reach.size[which], tolerance, 3.0 * tolerance)  # both may be warped
         pairs = np.unique(np.stack([joints.a, joints.b], axis=1), axis=0)
         first, second = np.searchsorted(which, pairs[np.isin(pairs, which).all(axis=1)]).T
-        found = Joints.of(fine, *facing_pairs(fine, first, second, reach), reach)
-        return replace(found, a=which[found.a], b=which[found.b])
+        faces = Joints.of(table, *facing_pairs(table, first, second, reach), reach)
+        return replace(faces, a=which[faces.a], b=which[faces.b])
 
 
-def _numbered(asked: IntArray, pairs: IntArray) -> tuple[BoolArray, IntArray]:
-    """Which of the pairs (k, 2) are among those ``asked`` for (sorted), and as which."""
-    base = int(max(asked.max(), pairs.max(initial=0))) + 1
-    names, own = asked @ [base, 1], pairs @ [base, 1]
-    place = np.minimum(np.searchsorted(names, own), len(names) - 1)
-    return names[place] == own, place
+def _numbered(rows: IntArray, pairs: IntArray) -> tuple[BoolArray, IntArray]:
+    """Which of the pairs (k, 2) are among the sorted ``rows`` (s, 2), and the row of each."""
+    base = int(max(rows.max(), pairs.max(initial=0))) + 1
+    codes, codes_of_pairs = rows @ [base, 1], pairs @ [base, 1]
+    place = np.minimum(np.searchsorted(codes, codes_of_pairs), len(codes) - 1)
+    return codes[place] == codes_of_pairs, place
 
 
-def _agreed(faces: Joints, key: IntArray, count: int) -> BoolArray:
-    """Tells where the normals of both sides agree with each other better than with a mean one:
-    mean sin^2(n_a, n_b) <= _AGREE^2 (1 - |mean n|^2), means over the faces that are within the
-    tolerance of each other, weighted by area."""
-    area = faces.found.area * faces.is_within
-    whole = np.maximum(np.bincount(key, area, count), 1e-300)
-    mean = [np.bincount(key, area * faces.axes[:, 2, c], count) / whole for c in range(3)]
-    apart = np.bincount(key, area * faces.sine**2, count) / whole
-    turned = 1.0 - np.square(mean).sum(axis=0)
-    return np.asarray(apart <= (_AGREE**2) * turned + RELATIVE_TOLERANCE**2)
+def _agreed(faces: Joints, pair: IntArray, count: int) -> BoolArray:
+    """Returns for which of ``count`` pairs of sheets both sides agree on a curved shape.
+
+    With n_a, n_b the unit normals of two faces (``faces.sine`` is that of the angle between them)
+    and n their mean (``faces.axes[:, 2]``), they do where
+
+        mean(sin^2(n_a, n_b)) <= _AGREE^2 (1 - |mean(n)|^2),
+
+    with means over the faces within the tolerance of each other, weighted by area.
+    ``pair`` (k,) is the number of each face's pair of sheets.
+    """
+    area = faces.overlap.area * faces.is_within
+    total = np.maximum(np.bincount(pair, area, count), 1e-300)
+    mean = [np.bincount(pair, area * faces.axes[:, 2, c], count) / total for c in range(3)]
+    mean_sine2 = np.bincount(pair, area * faces.sine**2, count) / total
+    spread = 1.0 - np.square(mean).sum(axis=0)
+    return np.asarray(mean_sine2 <= (_AGREE**2) * spread + RELATIVE_TOLERANCE**2)
 
 
-def _is_wide(faces: Joints, key: IntArray, borne: FloatArray) -> BoolArray:
-    """Tells where the faces that bear are together wider than the tolerance: their area over their
-    length. Each for itself may be narrower, as those of a fine mesh are."""
-    faces, key = faces.take(np.flatnonzero(faces.joined)), key[faces.joined]
-    allowed, reach = np.zeros(len(borne)), np.zeros(len(borne))
-    np.maximum.at(allowed, key, faces.allowed)
-    of, corners = faces.corner_points
-    weight = faces.found.area / borne[key]
+def _is_wide(faces: Joints, pair: IntArray, area: FloatArray) -> BoolArray:
+    """Returns for which pairs of sheets the faces in contact are together wider than the tolerance:
+    their ``area`` (count,) over their length. Single faces of a fine mesh may be narrower. ``pair``
+    (k,) is the number of each face's pair of sheets."""
+    faces, pair = faces.take(np.flatnonzero(faces.is_contact)), pair[faces.is_contact]
+    tolerance, radius = np.zeros(len(area)), np.zeros(len(area))
+    np.maximum.at(tolerance, pair, faces.tolerance)
+    face, corners = faces.corner_points
+    weight = faces.overlap.area / area[pair]
     middle = np.stack(
-        [np.bincount(key, weight * faces.origin[:, c], len(borne)) for c in range(3)], axis=1
+        [np.bincount(pair, weight * faces.origin[:, c], len(area)) for c in range(3)], axis=1
     )
-    np.maximum.at(reach, key[of], np.linalg.norm(corners - middle[key[of]], axis=1))
-    return np.asarray((borne > 0.0) & (borne > 2.0 * reach * allowed))
+    np.maximum.at(radius, pair[face], np.linalg.norm(corners - middle[pair[face]], axis=1))
+    return np.asarray((area > 0.0) & (area > 2.0 * radius * tolerance))
 
 
 def _area_of_patches(faces: Joints, joints: Joints) -> FloatArray:
-    """Area of the contacts between faces of each pair of patches."""
-    names, inverse = np.unique(
+    """Area (k,) of the contacts between single faces that lie in each joint's two patches."""
+    pairs, inverse = np.unique(
         np.concatenate([joints.patch, faces.patch]), axis=0, return_inverse=True
     )
-    area = np.bincount(inverse[len(joints.patch) :], faces.found.area, len(names))
+    area = np.bincount(inverse[len(joints.patch) :], faces.overlap.area, len(pairs))
     return np.asarray(area[inverse[: len(joints.patch)]])
 
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """What was found between the blocks of a scene: contacts, and joints that are nearly there."""
+    """Contacts between the blocks of a scene, and joints that miss being one by little."""
 
     contacts: Contacts
     near_misses: tuple[NearMiss, ...]
@@ -157,29 +171,34 @@ def detect(
     joint_tolerance: float | None = None,
     tied: Collection[str] = (),
 ) -> Detection:
-    """Contacts between ``blocks``, except those between two ``fixed`` ones, and near misses.
+    """Finds the contacts between ``blocks``, except those between two ``fixed`` ones, and the near
+    misses.
 
-    A block that touches no other is refused, unless it is one of those ``tied`` to another.
+    Two facets are in contact when they face each other, their distance is everywhere on their
+    overlap within ``joint_tolerance`` (length; None:
+    :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE` of the thinner block's mean thickness) plus
+    their own warp, and the overlap is wider than that. All that two blocks share in one plane, the
+    mean one, is one contact, which may have notches, holes and several parts. On a curved joint
+    each pair of faces is a contact, see :class:`CurvedJoints`.
 
-    Two facets are in contact when they face each other and, everywhere on their overlap, are no
-    farther apart and no deeper in each other than ``joint_tolerance`` (length; None:
-    :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE` of the thinner block's mean thickness) and
-    by how much they are warped, and the overlap is wider than that. What two blocks transmit
-    through one plane, the mean one, is one contact, with notches, holes and several parts. Where
-    the faces of both sides agree on a shape that is none, each pair of them is a contact.
+    Raises
+    ------
+    GeometryError
+        If a block touches no other and is none of those ``tied`` to another, or if two blocks share
+        volume.
     """
     if joint_tolerance is not None:
         joint_tolerance = positive(joint_tolerance, "joint_tolerance")
     is_fixed = np.array([b.id in fixed for b in blocks])
     table, reach = patches(blocks, joint_tolerance)
-    shapes = Shapes(blocks, table, reach)
+    curved = CurvedJoints(blocks, table, reach)
     overlaps = Overlaps(blocks, reach.tolerance)
     parts: list[Contacts] = []
     misses: list[NearMiss] = []
     # Blocks in each other are refused in the portion of pairs where they are met first, so that
     # neither memory nor time grows with the number of such pairs.
     for near in nearby_pairs([b.vertices for b in blocks], reach.near):
-        joints = shapes.by_face(Joints.of(table, *facing_pairs(table, *near, reach), reach))
+        joints = curved.by_face(Joints.of(table, *facing_pairs(table, *near, reach), reach))
         parts.append(joints.contacts(blocks, friction))
         misses += [*joints.near_misses(blocks), *overlaps.check(*near, parts[-1])]
     if not parts:
@@ -205,19 +224,19 @@ def _check_every_block_is_held(
     is_tied: BoolArray,
     misses: Sequence[NearMiss],
 ) -> None:
-    """Refuse loose blocks; of several a free one is named, as it is the one to move."""
-    alone = np.setdiff1d(np.flatnonzero(~is_tied), [contacts.a, contacts.b])
-    if not len(alone):
+    """Refuses blocks without contact; of several a free one is named, as it is the one to move."""
+    loose = np.setdiff1d(np.flatnonzero(~is_tied), [contacts.a, contacts.b])
+    if not len(loose):
         return
-    lonely = blocks[int(alone[np.argmin(is_fixed[alone])])]
-    nearly = [miss for miss in misses if lonely.id in (miss.a, miss.b)]
-    nearest = min(nearly, key=lambda miss: miss.factor, default=None)
+    named = blocks[int(loose[np.argmin(is_fixed[loose])])]
+    own_misses = [miss for miss in misses if named.id in (miss.a, miss.b)]
+    nearest = min(own_misses, key=lambda miss: miss.factor, default=None)
     hint = f" ({nearest.sentence()})" if nearest else ""
     cure = ", give a larger joint_tolerance" if nearest and nearest.can_be_joined else ""
     raise GeometryError(
-        f"block {lonely.id!r} (centre {lonely.centroid.round(6).tolist()}) touches no other "
+        f"block {named.id!r} (centre {named.centroid.round(6).tolist()}) touches no other "
         f"block{hint}: move it so that a face meets another block's face{cure}, tie it to one, or "
         "remove it",
-        points=lonely.vertices,
-        blocks=(lonely.id,),
+        points=named.vertices,
+        blocks=(named.id,),
     )

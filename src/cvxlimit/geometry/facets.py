@@ -37,10 +37,20 @@ at for a common plane. Wide enough for facets of 1/20 of the body within any sen
 
 @dataclass(frozen=True)
 class Facets:
-    """Planar facets of a body: its ``faces`` that make up each, and convex ``pieces`` that tile
-    them (vertex indices, counter-clockwise from outside), with the ``facet`` of each, which never
-    falls. Facets of one ``sheet`` go over into each other without a sharp edge; those that are
-    ``lumped`` hold faces that may be a shape of their own."""
+    """Planar facets of a body.
+
+    Attributes
+    ----------
+    faces
+        Per facet, the numbers of the body's faces that make it up.
+    pieces, facet
+        Convex polygons that tile the facets (vertex indices, counter-clockwise seen from outside),
+        and the number of the facet that each belongs to, in ascending order.
+    sheet
+        Per facet, the number of its sheet: facets of one sheet meet without a sharp edge.
+    lumped
+        Per facet, True if it joins several faces that may be a curved shape rather than a plane.
+    """
 
     faces: Faces
     pieces: Faces
@@ -55,16 +65,18 @@ class Facets:
 
 
 def facets(points: FloatArray, faces: Faces, tolerance: float) -> Facets:
-    """Faces are one facet when all their corners lie within ``tolerance`` of their mean plane;
-    curved surfaces are covered by as large such patches as grow from their largest faces."""
+    """Groups faces into facets whose corners all lie within ``tolerance`` (length) of the facet's
+    mean plane. Curved surfaces are covered by patches, each grown from a large face as far as the
+    tolerance lets it."""
     surface = _Surface(points, faces, tolerance, SAME_WAY, narrow=tolerance)
     sheet, label = _joined_across_edges(surface)
     return _facets(surface, faces, sheet, _joined_by_plane(surface, label))
 
 
 def planes(points: FloatArray, faces: Faces, among: IntArray) -> Facets:
-    """Faces, of those ``among`` all (k,), are one facet when they share an edge and are flat and
-    parallel to six digits. Faces apart stay apart: on a saddle, distant ones are in one plane."""
+    """Groups the faces with numbers ``among`` (k,) into facets of faces that share an edge and lie
+    in one plane to six digits. Faces that share no edge stay apart: on a saddle, distant ones lie
+    in one plane."""
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     parallel = 1.0 - 0.5 * RELATIVE_TOLERANCE**2
     some = tuple(faces[i] for i in among.tolist())
@@ -75,6 +87,7 @@ def planes(points: FloatArray, faces: Faces, among: IntArray) -> Facets:
 
 
 def _facets(surface: _Surface, faces: Faces, sheet: IntArray, label: IntArray) -> Facets:
+    """The facets of faces that are grouped by ``label`` (f,), and lie on sheets ``sheet`` (f,)."""
     points = surface.points
     members: dict[int, list[int]] = {}
     for face, group in enumerate(label.tolist()):
@@ -101,19 +114,20 @@ def _facets(surface: _Surface, faces: Faces, sheet: IntArray, label: IntArray) -
 
 
 def _is_cut_in_two(faces: Sequence[tuple[int, ...]]) -> bool:
-    """Two triangles that go over into nothing else are a warped quadrilateral: whether a file
-    holds it whole or cut along one of its diagonals must not change an answer."""
+    """True for two triangles, which alone on a sheet are a warped quadrilateral: whether a file
+    holds it whole or cut along a diagonal must not change an answer."""
     return len(faces) == 2 and max(map(len, faces)) == 3
 
 
 class _Surface:
-    """Faces with their planes, for one grouping."""
+    """Faces with their area vectors, mean corners and neighbours, for one grouping."""
 
     def __init__(
         self, points: FloatArray, faces: Faces, tolerance: float, way: float, narrow: float
     ) -> None:
-        """Faces are one facet within ``tolerance`` of a plane, if the cosine of the angle to it
-        exceeds ``way``, or if they are too ``narrow`` to look anywhere."""
+        """A face belongs to a plane if it lies within ``tolerance`` (length) of it and the cosine
+        between their normals exceeds ``way``. Faces narrower than ``narrow`` (length) have no
+        reliable normal, and need only lie within the tolerance."""
         self.points, self.tolerance, self.way, self.narrow = points, tolerance, way, narrow
         self.vectors = mesh.area_vectors(points, faces)
         self.area = np.linalg.norm(self.vectors, axis=1)
@@ -127,6 +141,7 @@ class _Surface:
         self.size = float(np.linalg.norm(np.ptp(points, axis=0)))
 
     def plane(self, group: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Unit normal (3,) and a point (3,) of the mean plane of some faces."""
         normal = self.vectors[group].sum(axis=0)
         weight = self.area[group]
         length = float(np.linalg.norm(normal)) or 1.0  # none for faces all around a body
@@ -135,8 +150,7 @@ class _Surface:
     def fits(
         self, group: IntArray, normal: FloatArray, point: FloatArray, share: float = 1.0
     ) -> BoolArray:
-        """Which faces lie in a plane, within a share of the tolerance, and look the same way, or
-        are too narrow to look anywhere."""
+        """Which faces belong to a plane, within a ``share`` of the tolerance."""
         same = self.normal[group] @ normal > self.way
         narrow = self.narrowness[group] <= share * self.narrow
         off = np.abs((self.corners[group] - point) @ normal).max(axis=1)
@@ -144,8 +158,9 @@ class _Surface:
 
 
 def _joined_across_edges(surface: _Surface) -> tuple[IntArray, IntArray]:
-    """Of every face, the faces that go over into it without a sharp edge, as a label, and the
-    patch; faces that are too narrow to look anywhere are of a patch, and lead nowhere else."""
+    """Returns the number of each face's sheet (f,) and of its patch (f,). A sheet joins neighbours
+    without a sharp edge; a patch is the part of it within the tolerance of one plane. Faces too
+    narrow to have a normal belong to patches, but join no sheets."""
     f, g = surface.neighbours
     same = np.einsum("ek,ek->e", surface.normal[f], surface.normal[g]) > surface.way
     sheet = mesh.linked(len(surface.area), f[same], g[same])
@@ -162,11 +177,15 @@ def _joined_across_edges(surface: _Surface) -> tuple[IntArray, IntArray]:
 
 
 def _patches(surface: _Surface, group: IntArray, f: IntArray, g: IntArray) -> Iterable[IntArray]:
+    """Cuts faces that are no plane together into patches. Each is grown from its largest free face,
+    by rings of neighbours (pairs ``f``, ``g``) that fit the plane of the patch so far."""
+    # The neighbours of each face i: target[begin[i]:begin[i + 1]].
     inside = np.isin(f, group)
     ends = np.concatenate([f[inside], g[inside]]), np.concatenate([g[inside], f[inside]])
     order = np.argsort(ends[0], kind="stable")
     start, target = ends[0][order], ends[1][order]
     begin = np.searchsorted(start, np.arange(len(surface.area) + 1))
+    # Seeds by falling area; equal areas in the order of their faces, whatever rounding says.
     free = np.zeros(len(surface.area), dtype=bool)
     free[group] = True
     falling = group[np.argsort(-surface.area[group], kind="stable")]
@@ -185,6 +204,7 @@ def _patches(surface: _Surface, group: IntArray, f: IntArray, g: IntArray) -> It
             frontier = around[surface.fits(around, *surface.plane(patch), _CURVED)]
             free[frontier] = False
             patch = np.concatenate([patch, frontier])
+        # The plane has moved as the patch grew: faces that no longer fit are free again.
         kept = surface.fits(patch, *surface.plane(patch), _CURVED)
         if not kept[0]:
             kept = np.arange(len(patch)) == 0
@@ -193,6 +213,7 @@ def _patches(surface: _Surface, group: IntArray, f: IntArray, g: IntArray) -> It
 
 
 def _joined_by_plane(surface: _Surface, label: IntArray) -> IntArray:
+    """The labels (f,) after joining patches in one plane, whether or not they share an edge."""
     names, label = np.unique(label, return_inverse=True)
     order = np.argsort(label, kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(label))[:-1])
@@ -232,6 +253,7 @@ def _convex_pieces(
 
 
 def _outline(faces: Sequence[tuple[int, ...]]) -> tuple[int, ...] | None:
+    """The loop of vertices around faces in one plane; None if they have several, or holes."""
     sides = {(f[i - 1], f[i]) for f in faces for i in range(len(f))}
     following = {i: k for i, k in sides if (k, i) not in sides}
     if len(following) < sum((k, i) not in sides for i, k in sides):
@@ -259,6 +281,7 @@ def _is_convex(corners: FloatArray) -> bool:
 def _without_straight(
     points: FloatArray, loop: tuple[int, ...], axes: FloatArray
 ) -> tuple[int, ...]:
+    """The loop without the vertices in the middle of its straight sides."""
     flat = points[list(loop)] @ axes.T
     back, ahead = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     scale = np.hypot(*back.T) * np.hypot(*ahead.T)

@@ -28,7 +28,8 @@ is coarse for thin blocks, the next block but one would be."""
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Per block (n,): how far a joint may be off, and how far off is still a near miss."""
+    """Lengths of each block, (n,) each: its ``size`` (diagonal of its box), its joint ``tolerance``
+    and ``near``, the distance up to which another block is a near miss."""
 
     size: FloatArray
     tolerance: FloatArray
@@ -37,12 +38,26 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class FacetTable:
-    """Convex pieces of all facets, block by block and facet by facet. ``corners`` (f, k, 3) repeat
-    a piece's last corner up to k, ``sides`` counts them without; ``normal`` and ``point`` are of
-    the facet's mean plane, the same for all of its pieces; ``off`` is how far its corners are off
-    that plane, ``bent`` how far all corners of its ``faces`` are, whose numbers these are;
-    ``sheet`` and ``lumped`` are those of :class:`~cvxlimit.geometry.facets.Facets`, and ``patch``
-    is the facet itself, or the patch that a face as it is belongs to."""
+    """Convex pieces of all facets, one row (of f) per piece, sorted by block and by facet.
+
+    Attributes
+    ----------
+    block, facet : (f,)
+        Numbers of the block and of the facet that the piece belongs to.
+    corners : (f, k, 3), sides : (f,)
+        Corners of the piece, whose last one is repeated up to k, and how many they really are.
+    normal, point : (f, 3)
+        Outward unit normal and a point of the facet's mean plane, equal for all its pieces.
+    off, bent : (f,)
+        Largest distance from that plane of the pieces' corners, and of all corners of the faces.
+    faces : (f,) tuples of int
+        Numbers of the block's faces that make up the facet.
+    sheet, lumped : (f,)
+        As in :class:`~cvxlimit.geometry.facets.Facets`; sheets are numbered over all blocks.
+    patch : (f,)
+        The facet itself; in a table of single faces, the facet of nearly coplanar faces that each
+        was a part of.
+    """
 
     block: IntArray
     facet: IntArray
@@ -62,7 +77,8 @@ class FacetTable:
 
 
 def patches(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[FacetTable, Reach]:
-    """Facets within the joint tolerance of a plane, and how far that and near misses reach."""
+    """The facets of all blocks, grouped within the joint tolerance (length; None: the default share
+    of each block's thickness), and the tolerances and distances that go with them."""
     size, thickness = _extents(blocks)
     tolerance = JOINT_TOLERANCE * thickness
     if joint_tolerance is not None:
@@ -72,7 +88,8 @@ def patches(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[Fac
 
 
 def facet_table(blocks: Sequence[Block], shapes: Mapping[Facets, list[int]]) -> FacetTable:
-    """The facets of blocks, which are numbered by their shapes; every block has one."""
+    """The facets of all blocks in one table. ``shapes`` says which blocks (their numbers) have
+    which facets; each block is listed once."""
     width = max(len(piece) for shape in shapes for piece in shape.pieces)
     parts = [_part(blocks, shape, np.array(which), width) for shape, which in shapes.items()]
     columns = ([getattr(p, f.name) for p in parts] for f in fields(FacetTable))
@@ -85,6 +102,7 @@ def facet_table(blocks: Sequence[Block], shapes: Mapping[Facets, list[int]]) -> 
 
 
 def _same_faces(blocks: Sequence[Block]) -> dict[Faces, list[int]]:
+    """The numbers of the blocks that list the same faces, so that they can be treated at once."""
     result: dict[Faces, list[int]] = defaultdict(list)
     for i, block in enumerate(blocks):
         result[block.faces].append(i)
@@ -92,6 +110,7 @@ def _same_faces(blocks: Sequence[Block]) -> dict[Faces, list[int]]:
 
 
 def _extents(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray]:
+    """Diagonal of the box (n,) and mean thickness 2 volume / surface (n,) of each block."""
     size, thickness = np.empty(len(blocks)), np.empty(len(blocks))
     for faces, which in _same_faces(blocks).items():
         points = _points(blocks, np.array(which))
@@ -102,22 +121,26 @@ def _extents(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray]:
 
 
 def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> dict[Facets, list[int]]:
-    """Blocks with the same faces mostly have the same facets: those of one are tried on all others
-    at once, first each face for itself; only where they do not fit a block is looked at alone."""
+    """Facets, with the numbers of the blocks that have them.
+
+    Blocks with the same faces mostly have the same facets. So the facets of one block are tried on
+    all others at once, beginning with "each face is a facet"; where they do not fit, the next block
+    is grouped on its own and tried on the rest.
+    """
     result: dict[Facets, list[int]] = defaultdict(list)
     for faces, which in _same_faces(blocks).items():
-        shape, left = Facets.of_faces(faces), np.array(which)
+        shape, remaining = Facets.of_faces(faces), np.array(which)
         if all(blocks[i].bounds is not None for i in which):
             result[shape] += which
             continue
         is_tried = len(faces) <= _FEW and all(blocks[i].is_convex for i in which)
-        while len(left):
+        while len(remaining):
             if is_tried:
-                fits = _fits(_points(blocks, left), shape, faces, tolerance[left])
-                result[shape] += left[fits].tolist()
-                left = left[~fits]
-            if len(left):
-                first, left = int(left[0]), left[1:]
+                fits = _fits(_points(blocks, remaining), shape, faces, tolerance[remaining])
+                result[shape] += remaining[fits].tolist()
+                remaining = remaining[~fits]
+            if len(remaining):
+                first, remaining = int(remaining[0]), remaining[1:]
                 shape = blocks[first].facets(float(tolerance[first]))
                 result[shape].append(first)
                 is_tried = len(shape.faces) <= _FEW
@@ -135,9 +158,10 @@ _FEW = 32
 def _planes(
     points: FloatArray, shape: Facets, faces: Faces, width: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Pieces (n, p, k, 3) of bodies (n, v, 3), and their facets' mean planes: normal, none where
-    there is no area, and a point (n, p, 3), and how far corners of pieces are off, and those of all
-    faces (n, p): an outline is drawn straight across the end of a ridge."""
+    """For n bodies of one shape with vertices ``points`` (n, v, 3) and p pieces, returns the
+    columns corners (n, p, k, 3), normal and point (n, p, 3), off and bent (n, p) of
+    :class:`FacetTable`. The normal is zero where a facet has no area."""
+    # Each piece with its own area vector and mean corner.
     corners = points[:, padded(shape.pieces, width)]
     vectors = polygon_vectors(corners)
     middle = np.stack(
@@ -145,6 +169,7 @@ def _planes(
     )
     length = np.linalg.norm(vectors, axis=2)[:, :, None]
     begin = np.searchsorted(shape.facet, np.arange(len(shape.faces)))
+    # Those of a facet: the sum of its pieces' vectors, and the mean of their corners by area.
     if len(shape.faces) < len(shape.pieces):
         whole = np.maximum(np.add.reduceat(length, begin, axis=1), 1e-300)
         middle = (np.add.reduceat(length * middle, begin, axis=1) / whole)[:, shape.facet]
@@ -153,6 +178,7 @@ def _planes(
     normal = vectors / np.where(length > 0.0, length, 1.0)
     heights = np.einsum("nfkc,nfc->nfk", corners - middle[:, :, None], normal)
     off = np.maximum.reduceat(np.abs(heights).max(axis=2), begin, axis=1)
+    # Corners of faces may be farther off: an outline is drawn straight across the end of a ridge.
     bent = off.copy()
     for number in (i for i, group in enumerate(shape.faces) if len(group) > 1):
         own = points[:, np.unique([k for i in shape.faces[number] for k in faces[i]])]
@@ -163,11 +189,13 @@ def _planes(
 
 
 def _fits(points: FloatArray, shape: Facets, faces: Faces, tolerance: FloatArray) -> BoolArray:
-    """Which bodies (n, v, 3) have flat facets of this shape, no two nearly in one plane."""
+    """Which of the bodies (n, v, 3) have exactly these facets: flat, convex, and no two of them
+    nearly in one plane, which would be one facet."""
     corners, normal, middle, _, off = _planes(points, shape, faces)
-    # Without a normal it is another shape whose faces are named alike.
+    # A facet without a normal: the body lists the same faces but has another shape.
     result = (np.linalg.norm(normal, axis=2) > 0.0).all(axis=1)
     result &= (off <= tolerance[:, None]).all(axis=1)
+    # Convex: no corner of a piece turns clockwise, seen against the normal.
     sizes = np.array([len(piece) for piece in shape.pieces])
     for size in np.unique(sizes).tolist():
         loops = corners[:, sizes == size, :size]
@@ -176,16 +204,19 @@ def _fits(points: FloatArray, shape: Facets, faces: Faces, tolerance: FloatArray
         turns = np.einsum("nfkc,nfc->nfk", cross(along, ahead), normal[:, sizes == size])
         scale = np.linalg.norm(along, axis=3) * np.linalg.norm(ahead, axis=3)
         result &= (turns >= -ROUNDING * scale).all(axis=(1, 2))
+    # No two facets in one plane: their normals differ, or they are steps of a notch, parallel at
+    # different levels.
     first = np.searchsorted(shape.facet, np.arange(len(shape.faces)))
     normal, middle = normal[:, first], middle[:, first]
     cosine = normal @ normal.transpose(0, 2, 1) - 2.0 * np.eye(normal.shape[1])
     level = np.einsum("nfc,ngc->nfg", normal, middle)
     apart = np.abs(level - np.einsum("nff->nf", level)[:, :, None]) > 2.0 * tolerance[:, None, None]
-    steps = apart & (cosine > 1.0 - ROUNDING)  # of a notch: parallel, not in one plane
+    steps = apart & (cosine > 1.0 - ROUNDING)
     return np.asarray(result & ((cosine <= SAME_WAY) | steps).all(axis=(1, 2)))
 
 
 def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -> FacetTable:
+    """The rows of the blocks ``which``, all of one shape; pieces have ``width`` corners."""
     own = blocks[which[0]].faces
     corners, normal, middle, off, bent = _planes(_points(blocks, which), shape, own, width)
     facet, faces = np.array(shape.facet), np.empty(len(shape.faces), dtype=object)
@@ -209,8 +240,10 @@ def _part(blocks: Sequence[Block], shape: Facets, which: IntArray, width: int) -
 def facing_pairs(
     table: FacetTable, first: IntArray, second: IntArray, reach: Reach
 ) -> tuple[IntArray, IntArray]:
-    """Rows of pieces of pairs of blocks that face each other from near planes and whose boxes meet;
-    in the order of the blocks' pairs and, within, of their facets."""
+    """Returns pairs of pieces, as rows (p,) of the table, that face each other: of the pairs of
+    blocks ``first``, ``second``, with opposite normals, planes within reach and boxes that meet.
+    They come in the order of the blocks' pairs and, within, of their facets."""
+    # Boxes of pieces and of blocks, each grown by the block's reach.
     margin = reach.near[table.block][:, None]
     corners = np.moveaxis(table.corners, 1, 0)
     low, high = (reduce(end, corners) for end in (np.minimum, np.maximum))
@@ -218,6 +251,8 @@ def facing_pairs(
     start = np.flatnonzero(np.diff(table.block, prepend=-1))
     pieces = np.diff(start, append=len(table.block))
     block_low, block_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
+    # Every piece of the first block whose box meets that of the second, with every piece of the
+    # second; in portions, so that memory does not grow with the number of pairs.
     most = _NUMBERS // table.corners[0].size
     found = [np.empty((2, 0), dtype=np.int64)]
     for some in portions(pieces[first], most):
@@ -244,6 +279,7 @@ def _facing(
     high: FloatArray,
     reach: Reach,
 ) -> IntArray:
+    """The pairs (2, p) that face each other; cheap conditions first, each on what is left."""
     facing = np.einsum("fc,fc->f", table.normal[lower], table.normal[upper]) <= -SAME_WAY
     lower, upper = lower[facing], upper[facing]
     meet = overlapping(low, high, lower, low, high, upper)
@@ -254,6 +290,7 @@ def _facing(
 
 
 def _within(table: FacetTable, plane: IntArray, other: IntArray, length: FloatArray) -> BoolArray:
+    """True (p,) where a piece ``other`` comes within a ``length`` of the plane of ``plane``."""
     offset = table.corners[other] - table.point[plane][:, None]
     height = np.einsum("fkc,fc->fk", offset, table.normal[plane])
     return np.asarray((height.min(axis=1) <= length) & (height.max(axis=1) >= -length))

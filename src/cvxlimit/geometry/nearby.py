@@ -1,7 +1,9 @@
 """Which bodies of a scene come near each other: all pairs that touch, and few others.
 
-A balanced tree of bounding boxes, descended level by level for all pairs at once: near n log n.
-Boxes along the axes alone do not do: thousands of thin voussoirs of an arch overlap each other's.
+Bodies are the leaves of a balanced tree of bounding boxes, which is descended level by level for
+all pairs at once, in about n log n steps. Two nodes are near if their boxes along x, y, z meet and
+their boxes along their own principal axes do: those along x, y, z of thousands of thin voussoirs of
+an arch all overlap.
 """
 
 from __future__ import annotations
@@ -25,20 +27,21 @@ ten thousand contacts. Of bodies that all lie in one place every pair is near.""
 def nearby_pairs(
     bodies: Sequence[FloatArray], margin: FloatArray
 ) -> Iterator[tuple[IntArray, IntArray]]:
-    """Pairs of bodies, first < second, but for those whose boxes around their points (k, 3), grown
-    by their ``margin`` (n,), are apart. They come in portions, each sorted, so that memory does not
-    grow with their number; what follows from a pair can be said before the next portion."""
+    """Yields pairs of bodies, first < second, without those whose boxes are apart. A body is its
+    points (k, 3); its box is grown by its ``margin`` (n,). Pairs come in sorted portions, so that
+    memory does not grow with their number."""
     tree = _Tree.of(bodies, margin)
-    todo = [(0, *np.zeros((2, 1), dtype=np.int64))]
-    while todo:
-        level, first, second = todo.pop()
+    pending = [(0, *np.zeros((2, 1), dtype=np.int64))]
+    while pending:
+        # Pairs of nodes of one level: first == second stands for the pairs within a node.
+        level, first, second = pending.pop()
         if len(first) > _PORTION:
-            todo.append((level, first[_PORTION:], second[_PORTION:]))
+            pending.append((level, first[_PORTION:], second[_PORTION:]))
             first, second = first[:_PORTION], second[:_PORTION]
         if level < len(tree.levels):
             nodes = tree.levels[level]
-            found = nodes.meeting(*_children(first, second, len(nodes.start)))
-            todo.append((level + 1, *found))
+            near = nodes.meeting(*_children(first, second, len(nodes.start)))
+            pending.append((level + 1, *near))
             continue
         a, b = np.sort(np.stack([tree.order[first], tree.order[second]])[:, first != second], 0)
         sorting = np.lexsort((b, a))
@@ -48,7 +51,8 @@ def nearby_pairs(
 
 @dataclass(frozen=True, eq=False)
 class _Tree:
-    """Bodies in the ``order`` of the leaves, and the nodes of each level below the root."""
+    """The bodies' numbers in the ``order`` (n,) of the leaves, and the nodes of each of the
+    ``levels`` below the root; the children of node i are nodes 2 i and 2 i + 1 of the next."""
 
     order: IntArray
     levels: list[_Nodes]
@@ -69,7 +73,8 @@ class _Tree:
 
 
 def _tree_order(centres: FloatArray, levels: int) -> IntArray:
-    """Bodies so that each run of 2^k from a multiple of 2^k, a node of the tree, lies together."""
+    """Orders bodies so that each run of 2^k from a multiple of 2^k on, a node of the tree, lies
+    together: every node is sorted along its longest side."""
     place = np.arange(len(centres))
     order = place
     for level in range(levels):
@@ -83,27 +88,31 @@ def _tree_order(centres: FloatArray, levels: int) -> IntArray:
 
 
 def _children(first: IntArray, second: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """All pairs of children, a <= b, of pairs of nodes; the next level has ``count`` nodes."""
     a = (2 * first[:, None] + np.array([0, 0, 1, 1])).ravel()
     b = (2 * second[:, None] + np.array([0, 1, 0, 1])).ravel()
-    there = (a <= b) & (b < count)
-    return a[there], b[there]
+    exists = (a <= b) & (b < count)
+    return a[exists], b[exists]
 
 
 @dataclass(frozen=True, eq=False)
 class _Nodes:
-    """Nodes of one level: their points begin at ``start`` (n,), their boxes grow by ``margin``."""
+    """The nodes of one level: node i has the ``points`` (m, 3) from ``start[i]`` to the next start,
+    and its boxes are grown by ``margin[i]``."""
 
     points: FloatArray
     start: IntArray
     margin: FloatArray
 
     def meeting(self, first: IntArray, second: IntArray) -> tuple[IntArray, IntArray]:
+        """Those pairs of nodes whose boxes meet, along x, y, z and along the nodes' own axes."""
         low, high = self.boxes
         meet = overlapping(low, high, first, low, high, second)
         first, second = first[meet], second[meet]
         if len(first) <= _FEW:
             return first, second
         middle, axes, half = self.own_boxes
+        # Along each axis of one box: the distance of the middles against both half extents.
         offset = middle[second] - middle[first]
         turn = np.abs(np.einsum("pik,pjk->pij", axes[first], axes[second]))
         of_first = np.abs(np.einsum("pik,pk->pi", axes[first], offset))
@@ -115,11 +124,13 @@ class _Nodes:
 
     @cached_property
     def boxes(self) -> tuple[FloatArray, FloatArray]:
+        """Lowest and highest x, y, z (n, 3) of each node."""
         low = np.minimum.reduceat(self.points, self.start) - self.margin[:, None]
         return low, np.maximum.reduceat(self.points, self.start) + self.margin[:, None]
 
     @cached_property
     def own_boxes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Middle (n, 3), principal axes (n, 3, 3; rows) and half extents (n, 3) of each node."""
         count = np.diff(np.append(self.start, len(self.points)))
         node = np.repeat(np.arange(len(self.start)), count)
         centre = np.add.reduceat(self.points, self.start) / count[:, None]
@@ -140,7 +151,8 @@ def overlapping(
     other_high: FloatArray,
     other: IntArray,
 ) -> BoolArray:
-    """Which boxes ``one`` (k,) of ``low`` to ``high`` (n, 3) meet those ``other`` (k,)."""
+    """True (k,) where box ``one`` (k,) of those from ``low`` to ``high`` (n, 3) meets box ``other``
+    (k,) of those from ``other_low`` to ``other_high``."""
     result = np.ones(len(one), dtype=bool)
     for axis in range(3):  # one at a time: NumPy takes long over rows of three
         below = low[:, axis][one] <= other_high[:, axis][other]

@@ -1,4 +1,10 @@
-"""Pictures of paths in finite displacements: curve, film, page; and of the code check."""
+"""Pictures of a :class:`~cvxlimit.paths.path.Path`, and of the code check that follows from it.
+
+A path is a row of configurations, from rest to the end. Its pictures are the ``curve`` of load
+factor over displacement, a ``film`` of the displaced blocks, and an interactive ``page``. Its
+``pieces`` are ranges (start, stop) of configurations between two snaps, where the structure jumps
+from one position to another.
+"""
 
 from __future__ import annotations
 
@@ -25,55 +31,58 @@ _LIMITS = {"SLV": "#f59e0b", "SLC": "#d62246"}
 _PAUSE = 0.25
 """Seconds that a film shows a configuration for."""
 
-_SAID = sentences(PROVES)
+_PROVED = sentences(PROVES)
 
 
 def draw_path(
     path: Path, kind: str, file: str | os.PathLike[str] | None, options: dict[str, Any]
 ) -> Any:
-    """The picture of a path by its kind, or its file."""
+    """Draws the picture of a path of that ``kind``; returns it, or the file it is saved to."""
     kinds: dict[str, Callable[..., Any]] = {"curve": curve, "film": film, "page": page}
     if kind not in kinds:
         raise InputError(
             f"a path has no picture {kind!r}: choose one of {', '.join(kinds)}"
             + meant(kind, kinds, before="; ")
         )
-    made = kinds[kind](path, **options)
-    return made if file is None else saved(made, file, options)
+    picture = kinds[kind](path, **options)
+    return picture if file is None else saved(picture, file, options)
 
 
 def curve(path: Path, **options: Any) -> Any:
-    """Load factor over displacement, with the bracket of every configuration."""
+    """A figure of load factor over displacement, with the bracket of each configuration."""
     chart = figures("chart").Chart.of(options, (6.4, 4.4))
     _draw_pieces(chart.axes, path.displacement, path.load_factor, path.pieces, "load factor")
-    if (fine := path.halved) is not None:
+    # The same path with half the step, where it was followed twice to see what steps change.
+    if (half_step := path.halved) is not None:
         label = "with half the step"
-        for part in (slice(*piece) for piece in fine.pieces):
-            curve = fine.displacement[part], fine.load_factor[part]
+        for part in (slice(*piece) for piece in half_step.pieces):
+            curve = half_step.displacement[part], half_step.load_factor[part]
             chart.axes.plot(*curve, color=_FINE, lw=0.9, label=label)
             label = "_"
+    # Only the first bracket has an entry in the legend: matplotlib leaves out labels like "_".
     label = "bracket of a configuration"
     for x, each in zip(path.displacement, path, strict=True):
         if each.bracket is not None and each.bracket.has_both:
             ends = [each.bracket.lower, each.bracket.upper]
             chart.axes.plot([x, x], ends, "_-", color=_BRACKET, lw=1.2, ms=9, label=label)
             label = "_"
-    said = figures("sheet").lines_of(_SAID, chart.size("axes.labelsize"), 0.8 * chart.width)
-    chart.axes.set(xlabel="\n".join([_control(path), *said]), ylabel="load factor")
+    proved = figures("sheet").lines_of(_PROVED, chart.size("axes.labelsize"), 0.8 * chart.width)
+    chart.axes.set(xlabel="\n".join([_control(path), *proved]), ylabel="load factor")
     chart.write(_title(path))
     chart.write_legend()
     return chart.figure
 
 
 def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[str, Any]) -> Any:
-    """The capacity curve of a code check with both limit states, or its file."""
+    """Draws the capacity curve of a code check with both limit states; returns the figure, or the
+    file it is saved to."""
     chart = figures("chart").Chart.of(options, (6.4, 4.4))
     ax, unit = chart.axes, printable(check.units.length)
     _draw_pieces(ax, check.displacement, check.acceleration, check.pieces, "capacity curve")
     for name, limit in (("SLV", check.slv), ("SLC", check.slc)):
-        d, a, said = limit.displacement, limit.acceleration, f"T = {limit.period:.3g} s"
+        d, a, period = limit.displacement, limit.acceleration, f"T = {limit.period:.3g} s"
         ax.plot([d, d, 0.0], [0.0, a, a], "--", color=_LIMITS[name], lw=1.0)
-        ax.plot(d, a, "o", color=_LIMITS[name], ms=6, label=f"{name}: d = {d:.3g} {unit}, {said}")
+        ax.plot(d, a, "o", color=_LIMITS[name], ms=6, label=f"{name}: d = {d:.3g} {unit}, {period}")
     ax.set(xlabel=f"spectral displacement ({unit})", ylabel=f"spectral acceleration ({unit}/s²)")
     chart.write(f"{printable(check.scene_name)}: a0* = {check.a0_star:.3g} {unit}/s², "
                 f"e* = {check.e_star:.3g}, d0 = {check.d0:.3g} {unit}")  # fmt: skip
@@ -84,7 +93,8 @@ def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[st
 def _draw_pieces(
     ax: Any, x: FloatArray, y: FloatArray, pieces: tuple[tuple[int, int], ...], label: str
 ) -> None:
-    """The curve between snaps; at a snap a drop, since nothing is known on the way."""
+    """Draws the curve piece by piece. At a snap a dotted line goes straight down: nothing is known
+    about the way between."""
     for i, (start, stop) in enumerate(pieces):
         part, name = slice(start, stop), "_" if i else label
         ax.plot(x[part], y[part], ".-", color=_LINE, lw=1.6, ms=5, label=name)
@@ -96,50 +106,54 @@ def _draw_pieces(
 
 
 def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
-    """Every configuration as it is, from rest to the end of the path and back."""
-    scene, made = path.scene, figures()
+    """An animation of all configurations, from rest to the end of the path and back."""
+    scene, toolkit = path.scene, figures()
     motions = _motions(path)
-    farthest = max(motions, key=lambda moving: moving.largest)
+    largest = max(motions, key=lambda motion: motion.largest)
     drawing = Drawing(
-        scene, farthest, camera_for(scene, farthest, viewer), _title(path),
-        f"blocks as they are displaced. {_SAID}", bar=Bar(SPEED_STOPS, WAY_TEXT),
+        scene, largest, camera_for(scene, largest, viewer), _title(path),
+        f"blocks as they are displaced. {_PROVED}", bar=Bar(SPEED_STOPS, WAY_TEXT),
     )  # fmt: skip
-    figure, shown = made.assembled(drawing, seen(drawing), made.Sheet(**options))
+    figure, artists = toolkit.assembled(drawing, seen(drawing), toolkit.Sheet(**options))
     figure.set_dpi(DPI)
-    forth = []
-    for moving, text in zip(motions, _texts(path), strict=True):
-        for artist in shown:
+    # Frames are drawn on one figure: the blocks of the last one are removed, the axes stay.
+    forward = []
+    for motion, text in zip(motions, _texts(path), strict=True):
+        for artist in artists:
             artist.remove()
-        shown = made.draw_seen(figure.axes[0], seen(replace(drawing, moving=moving)), 1.0)
-        shown.append(figure.text(0.02, 0.02, text.replace(" at ", "\nat "), fontsize=8))
-        forth.append(figure.pixels())
-    frames = (*forth, *forth[-2:0:-1])
+        artists = toolkit.draw_seen(figure.axes[0], seen(replace(drawing, moving=motion)), 1.0)
+        artists.append(figure.text(0.02, 0.02, text.replace(" at ", "\nat "), fontsize=8))
+        forward.append(figure.pixels())
+    frames = (*forward, *forward[-2:0:-1])
     return Animation(frames, _PAUSE * len(frames))
 
 
 def page(path: Path) -> Page:
-    """The configurations one by one at a slider, beside the curve: in one file, offline."""
+    """A page, one file that needs no network, with a slider over the configurations beside the
+    curve."""
     curve = {**_numbers(path), "texts": _texts(path)}
     curve["half"] = None if path.halved is None else _numbers(path.halved)
     advice = sentences(path.reason, *path.notes, PROVES)
-    said = {"title": _title(path), "advice": advice, "path": curve}
-    return path_page(path.scene, _motions(path), said)
+    contents = {"title": _title(path), "advice": advice, "path": curve}
+    return path_page(path.scene, _motions(path), contents)
 
 
 def _numbers(path: Path) -> dict[str, Any]:
+    """The curve as numbers that fit into JSON."""
     d, alpha = path.displacement.tolist(), path.load_factor.tolist()
     return {"displacement": d, "load_factor": alpha, "pieces": path.pieces}
 
 
 def _motions(path: Path) -> list[Motion]:
-    """Returns the motion of every configuration, in the colours of the one that is farthest from
-    rest."""
-    alone = [moved_by(path.scene, each.displacements) for each in path]
-    farthest = max(alone, key=lambda moving: moving.largest)
-    return [replace(moving, speed=farthest.speed) for moving in alone]
+    """Returns the motion of each configuration. All have the colours of the one that moved most, so
+    that a block keeps its colour through a film."""
+    motions = [moved_by(path.scene, each.displacements) for each in path]
+    largest = max(motions, key=lambda moving: moving.largest)
+    return [replace(moving, speed=largest.speed) for moving in motions]
 
 
 def _texts(path: Path) -> list[str]:
+    """What is written below each configuration: its load factor and displacement."""
     unit = printable(path.scene.units.length)
     return [
         f"load factor {round(each.load_factor, DIGITS) + 0.0:.{DIGITS}f} at {x:.4g} {unit}"
@@ -157,5 +171,6 @@ def _title(path: Path) -> str:
 
 
 def _control(path: Path) -> str:
+    """The label of the horizontal axis: whose displacement it is."""
     of = "mean of the live load" if path.control is None else f"block {path.control[0]!r}"
     return f"displacement ({printable(path.scene.units.length)}), {printable(of)}"
