@@ -13,7 +13,8 @@ import pytest
 from cvxlimit import Certified, Contacts, Load, Status, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
-from cvxlimit.methods.driver import Clock, Method, Run, Steps, cycles, drive
+from cvxlimit.methods.driver import Clock, Method, Run, Steps, drive
+from cvxlimit.methods.fixed_point import cycles
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import SolverSettings, default_ladder

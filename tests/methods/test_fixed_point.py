@@ -13,8 +13,7 @@ from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.results import result_from_dict, result_to_dict
 from cvxlimit.masonry.walls import random_wall
-from cvxlimit.methods.driver import cycles
-from cvxlimit.methods.fixed_point import FixedPoint, LeastForces
+from cvxlimit.methods.fixed_point import FixedPoint, LeastForces, cycles
 from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.model.sinks import Rows
 from cvxlimit.plotting.look import title

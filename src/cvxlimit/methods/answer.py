@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from cvxlimit.base.arrays import FloatArray
@@ -20,9 +21,10 @@ class Answer:
     bracket : Bracket
         Bounds of the load factor asked for; infinite where the method has none.
     forces : (contacts, 6) array or None
-        Those behind the load factor, and behind the lower bound if there is one.
+        Those behind the load factor, and behind the lower bound if there is one; columns are V1,
+        V2, N, M1, M2, MT (:data:`~cvxlimit.geometry.contacts.COMPONENTS`).
     mechanism : (free blocks, 6) array or None
-        That of the upper bound, if there is one.
+        That of the upper bound, if there is one: rates along x, y, z and of turning about these.
     members : tuple of Member
         All solutions, where the answer is a set.
     iteration : Iteration or None
@@ -47,6 +49,14 @@ class Answer:
     lower_end: LowerEnd | None = None
     dilatancy: Dilatancy | None = None
     sure: Answer | None = None
+
+    def with_forces(self, of: Callable[[FloatArray], FloatArray]) -> Answer:
+        """The answer with ``of`` its contact forces in their place, wherever it has some."""
+        forces, end = None if self.forces is None else of(self.forces), self.lower_end
+        if end is not None and end.forces is not None:
+            end = replace(end, forces=of(end.forces))
+        members = tuple(replace(member, forces=of(member.forces)) for member in self.members)
+        return replace(self, forces=forces, members=members, lower_end=end)
 
     def raised(
         self,

@@ -44,18 +44,6 @@ BOUNDLESS = 1e6
 live load does any harm: no loads are meant to be so large."""
 
 
-@dataclass(frozen=True)
-class _Numbers:
-    """What no method changes."""
-
-    # a cycle is one of 2 to 8 values that were run through three times: two could be chance
-    laps: int = 3
-    longest: int = 8
-
-
-_N = _Numbers()
-
-
 class Clock:
     """Seconds by phase; phases inside phases count once, for the inner one."""
 
@@ -151,6 +139,7 @@ class Run:
         self.solvers: set[str] = set()
         self.attempts: list[tuple[SolverSettings, Outcome]] = []
         self.remarks: list[str] = []
+        # contacts, which scenes find when they are first asked for them
         self.tell("finding contacts")
         if not isinstance(scene, Assemblage):
             check_scene(scene)
@@ -158,14 +147,16 @@ class Run:
             self.contacts = scene.contacts
         if np.any(self.contacts.cohesion):
             refuse_lost_cohesion(self.surfaces, self.contacts)
+        # mechanics: a scene whose mortar bears tension is solved as one without, under another load
         with self.clock.phase("compile"):
-            self.assemblage = given = Assemblage.of(scene)
-            self.given, self.repeats = given.scene, given.repeats
-            is_mortar = np.any(given.contacts.tensile_strength)
-            self.mortar = Mortar.of(given.scene) if is_mortar else None
+            self.assemblage = as_given = Assemblage.of(scene)
+            self.given, self.repeats = as_given.scene, as_given.repeats
+            has_tension = np.any(self.contacts.tensile_strength)
+            self.mortar = Mortar.of(self.given) if has_tension else None
             if self.mortar is not None:
-                kept = given.scaling if given is scene else None
-                self.assemblage = Assemblage.of(self.mortar.scene, kept)
+                scaling = as_given.scaling if as_given is scene else None
+                self.assemblage = Assemblage.of(self.mortar.scene, scaling)
+        # nothing is known yet
         self.best = Answer(bracket=Bracket(least=self.scaling.least))
 
     @property
@@ -227,9 +218,9 @@ class Run:
         if self.progress is None and not LOG.isEnabledFor(logging.INFO):
             return
         has_bracket = self.best.bracket.has_any
-        found = outcome.status if factor is None else f"load factor {rounded(factor)}"
-        inside = f"load factor in {self.best.bracket}" if has_bracket else found
-        line = ProgressLine(f"solve {len(self.history)}, {solver}: {inside}")
+        result = outcome.status if factor is None else f"load factor {rounded(factor)}"
+        result = f"load factor in {self.best.bracket}" if has_bracket else result
+        line = ProgressLine(f"solve {len(self.history)}, {solver}: {result}")
         line.has_bracket = has_bracket
         self.tell(line)
 
@@ -348,39 +339,38 @@ def drive(method: Method, run: Run) -> Solution:
     return packed(method, run, status)
 
 
-_CONTRADICTION = "the bounds contradict each other, so an assumption behind them fails"
-
-
 def packed(method: Method, run: Run, status: Status) -> Solution:
     """The run's best answer as a solution; its note reports bounds that contradict each other."""
-    scene, best = run.scene, run.best
+    # What is claimed. Where no load factor exists, there is at most one below which nothing slides
+    # without dilatancy.
+    best = run.best
     if not status.has_answer:
         safe = 0.0 if best.dilatancy is None else best.dilatancy.safe
         bracket = Bracket().raised(safe, True) if safe > 0.0 else Bracket()
         best = replace(best, load_factor=None, bracket=bracket)
+    # Forces of the scene as it was given: mortar's tension may have become a load in the other.
     if run.mortar is not None:
-        members = [replace(m, forces=run.mortar.original(m.forces)) for m in best.members]
-        forces = None if best.forces is None else run.mortar.original(best.forces)
-        best = replace(best, forces=forces, members=tuple(members))
-        if best.lower_end is not None and best.lower_end.forces is not None:
-            end = replace(best.lower_end, forces=run.mortar.original(best.lower_end.forces))
-            best = replace(best, lower_end=end)
+        best = best.with_forces(run.mortar.original)
+    # How it ended: bounds overrule what the method says, and so do solvers that all failed.
+    is_empty = best.load_factor is None and not best.bracket.has_any
+    has_said = any(end.has_values or end.claims_no_optimum for _, end in run.attempts)
     if best.bracket.contradicts:
         status = Status.NOT_CERTIFIED
-        run.remarks.insert(0, _CONTRADICTION)
-    is_empty = best.load_factor is None and not best.bracket.has_any
-    is_known = any(o.has_values or o.claims_no_optimum for _, o in run.attempts)
-    if status.has_answer and is_empty and run.attempts and not is_known:
+        run.remarks.insert(
+            0, "the bounds contradict each other, so an assumption behind them fails"
+        )
+    elif status.has_answer and is_empty and run.attempts and not has_said:
         status = Status.SOLVER_FAILED
-    words: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
+    # Which question that answers: surface, flow rule, interaction, one of which the method names.
+    question: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
-        words[method.axis] = method.name
+        question[method.axis] = method.name
     dilatancy = None if method.axis == "flow" else dilatancy_in(run, best)
     return Solution(
-        **words,
-        scene_name=scene.name,
+        **question,
+        scene_name=run.scene.name,
         moments=run.moments.name,
-        blocks=len(scene.free),
+        blocks=len(run.scene.free),
         contacts=len(run.contacts),
         load_factor=None if best.load_factor is None else best.bracket.clipped(best.load_factor),
         bracket=best.bracket,
@@ -402,48 +392,41 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     )
 
 
-def dilatancy_in(run: Run, best: Answer) -> Dilatancy | None:
-    """Of an answer's forces and mechanism; under a guide, which moves a support, nobody has
-    asked."""
-    forces, mechanism, alpha = best.forces, best.mechanism, best.load_factor
-    statics = run.assemblage.statics
-    if statics.guide is not None or best.dilatancy is not None:
-        return best.dilatancy if statics.guide is None else None
-    if forces is None or mechanism is None or alpha is None:
+def dilatancy_in(run: Run, answer: Answer) -> Dilatancy | None:
+    """Returns the dilatancy in an answer: what the method has found out, or else what follows from
+    forces and mechanism. None where these are missing, and under a guide, which moves a support."""
+    statics, mechanism, alpha = run.assemblage.statics, answer.mechanism, answer.load_factor
+    if statics.guide is not None:
         return None
+    if answer.dilatancy is not None:
+        return answer.dilatancy
+    if answer.forces is None or mechanism is None or alpha is None:
+        return None
+    # power of the live load, f_L . u, at the load factor
     power = run.scaling.unit(alpha) * float(statics.live @ mechanism.ravel())
+    if not power > 0.0:
+        return None
     relative = statics.relative_rates(mechanism)
-    return dilatancy_of(run.scene, forces, relative, mechanism, power) if power > 0.0 else None
+    return dilatancy_of(run.scene, answer.forces, relative, mechanism, power)
 
 
 def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None) -> str:
+    """The solution's note: how it ended, what the bounds rest on, and what to know besides."""
     basis = method.basis(run) if run.best.bracket.has_any else ""
+    # without an answer the remarks say why, and advice is left out where there is more to tell
     if not status.has_answer:
         is_told = run.best.lower_end is not None or dilatancy is not None
-        parts = [*run.remarks, "" if is_told else status.advice]
+        sentences = [*run.remarks, "" if is_told else status.advice]
     elif status is Status.SOLVER_FAILED:
-        parts = [run.failure, status.advice]
-    elif status.is_good or status is Status.NOT_CERTIFIED:
-        parts = [basis, *run.remarks]
+        sentences = [run.failure, status.advice]
     else:
-        parts = [status.advice, basis, *run.remarks]
+        is_plain = status.is_good or status is Status.NOT_CERTIFIED
+        sentences = ["" if is_plain else status.advice, basis, *run.remarks]
+    # what detection has left out or simplified, where that may have decided
     if status is Status.DEAD_LOAD_UNSTABLE and run.given.near_misses:
         cure = "if such a joint bears, give a joint_tolerance that joins it"
-        parts.append(f"{run.given.near_miss_note}: {cure}")
+        sentences.append(f"{run.given.near_miss_note}: {cure}")
     lumped = run.given.lumped
-    parts.append(str(lumped) if lumped is not None and lumped.is_worth_a_word else "")
-    parts.append("" if dilatancy is None else str(dilatancy))
-    return "; ".join(part for part in parts if part)
-
-
-def cycles(values: Sequence[float | None], tolerance: float) -> bool:
-    """True if the last values repeat with a period of 2 to 8, three times over.
-
-    >>> cycles([0.5, 0.3, 0.1, 0.3, 0.1, 0.3, 0.1], 1e-4), cycles([0.3, 0.2, 0.1], 1e-4)
-    (True, False)
-    """
-    for period in range(2, min(_N.longest, len(values) // _N.laps) + 1):
-        laps = np.array(values[-_N.laps * period :], dtype=float).reshape(_N.laps, period)
-        if np.ptp(laps, axis=0).max() <= tolerance * np.abs(laps).max():  # NaN, for None, is more
-            return True
-    return False
+    sentences.append(str(lumped) if lumped is not None and lumped.is_worth_a_word else "")
+    sentences.append("" if dilatancy is None else str(dilatancy))
+    return "; ".join(filter(None, sentences))

@@ -14,7 +14,7 @@ from cvxlimit.base.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex_search import dead_load_falls
-from cvxlimit.methods.driver import Method, Run, Steps, cycles
+from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.model.formulations import FORCES
 from cvxlimit.model.statement import LARGEST_FACTOR, Stated
@@ -27,6 +27,9 @@ from cvxlimit.solvers import iterate_ladder
 FORGOTTEN = 20
 """Solves after which the start counts as forgotten: with the paper's weight of 0.8 it has 1 % left
 in the forces then (0.8 ** 20). The band is that of all iterates after these, at least twenty."""
+
+LAPS, LONGEST = 3, 8
+"""A cycle is one of 2 to 8 load factors that were run through three times: two could be chance."""
 
 SMALL = 5
 """Small changes in a row that count as converged: wandering iterations had three by chance."""
@@ -162,3 +165,16 @@ class FixedPoint(Method):
         met_after, met_at = next(small, (None, None))
         factors = [entry.load_factor for entry in history[-last:] if entry.load_factor is not None]
         return Iteration(met_after, met_at, min(factors), max(factors), len(factors))
+
+
+def cycles(values: Sequence[float | None], tolerance: float) -> bool:
+    """True if the last values repeat with a period of 2 to 8, three times over.
+
+    >>> cycles([0.5, 0.3, 0.1, 0.3, 0.1, 0.3, 0.1], 1e-4), cycles([0.3, 0.2, 0.1], 1e-4)
+    (True, False)
+    """
+    for period in range(2, min(LONGEST, len(values) // LAPS) + 1):
+        laps = np.array(values[-LAPS * period :], dtype=float).reshape(LAPS, period)
+        if np.ptp(laps, axis=0).max() <= tolerance * np.abs(laps).max():  # NaN, for None, is more
+            return True
+    return False

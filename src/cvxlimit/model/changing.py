@@ -34,14 +34,14 @@ class Changeable(Statement):
         are its ``own["multipliers"]``: what the objective gains per unit of ``right``."""
         if self._own is None:
             return "nothing was added"
-        found, _ = self._in_cvxpy
+        stated, _ = self._in_cvxpy
         if self._written[0] or self.reduction.forces is not None:
             return "limits have a bracket on full models without unknowns of their own only"
         starts = self.model.start.values()
-        internal = {v.id: at for v, at in zip(found.internal, starts, strict=True)}
+        internal = {v.id: at for v, at in zip(stated.internal, starts, strict=True)}
         units, load = self.scaling.force * self._unit, self.scaling.load_factor(1.0)
         forces = sp.csr_array(self.model.resultant_map @ sp.diags_array(units))
-        return self._own.linear(internal, forces, found.factor.id, load)
+        return self._own.linear(internal, forces, stated.factor.id, load)
 
     @property
     def limits(self) -> dict[str, tuple[cp.Constraint, ...]]:
@@ -131,8 +131,8 @@ class Changeable(Statement):
             If there are none.
         """
         if name not in self._limits:
-            known = ", ".join(map(repr, self._limits)) or "none"
-            raise ModelError(f"there is no added limit {name!r}: there are {known}")
+            names = ", ".join(map(repr, self._limits)) or "none"
+            raise ModelError(f"there is no added limit {name!r}: there are {names}")
         del self._limits[name]
         self._changed()
 

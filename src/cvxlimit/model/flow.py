@@ -78,10 +78,10 @@ class _Forms:
         contacts, width = size
         every = np.arange(contacts)
         at_present = [{k: number(c) for k, c in form.items()} for form, _ in forms]
-        found = [express(form, forces, at) for form, (_, at) in zip(at_present, forms, strict=True)]
-        ends = list(accumulate((form.size for form in found), initial=0))
+        rows = [express(form, forces, at) for form, (_, at) in zip(at_present, forms, strict=True)]
+        ends = list(accumulate((form.size for form in rows), initial=0))
         self.places, self.size = list(map(slice, ends, ends[1:])), ends[-1]
-        whole = stacked(found or [forces["N"][every[:0]]])
+        whole = stacked(rows or [forces["N"][every[:0]]])
         self.matrix, self.constant = whole.matrix(width), whole.constant
         self.contact = np.concatenate(
             [every[:0], *(every if at is None else at for _, at in forms)]
@@ -117,13 +117,13 @@ class StrengthRows:
         condition; <= 0 is admissible."""
         resistance = self.resistance.matrix @ internal + self.resistance.constant
         sizes = self.norms.matrix @ internal + self.norms.constant
-        found = []
+        result = []
         for cone, where, norms in self.conditions:
             y = -resistance[where]
             for norm in norms:
                 y = y + cone.gauge([sizes[row] for row in norm])
-            found.append((y, self.resistance.contact[where]))
-        return found
+            result.append((y, self.resistance.contact[where]))
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,9 +205,9 @@ class FlowRule(StrengthRows):
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """An upper bound (n,) on the missing opening, without optimisation: least-norm flows."""
         inner = np.asarray(self.model.resultant_map.T @ rates.ravel())
-        found = self._completed(inner, *self._nothing)
-        resisted = np.abs(found.unresisted).max(initial=0.0) <= 1e-12 * np.abs(rates).max()
-        return found.missing if resisted else np.full(len(found.missing), np.inf)
+        shortfall = self._completed(inner, *self._nothing)
+        resisted = np.abs(shortfall.unresisted).max(initial=0.0) <= 1e-12 * np.abs(rates).max()
+        return shortfall.missing if resisted else np.full(len(shortfall.missing), np.inf)
 
     def _completed(
         self, rates: FloatArray, flows: FloatArray, multipliers: FloatArray
@@ -267,20 +267,20 @@ class FlowRule(StrengthRows):
         strength = self._strength
         missing = cp.Variable(len(self.model.contacts))
         unit = np.where(strength > 0.0, strength, 1.0)
-        found = self.symbolic(rates / scale + self._opening @ missing, unit)
-        goal = cp.sum(missing) + found.dissipation
+        flow = self.symbolic(rates / scale + self._opening @ missing, unit)
+        goal = cp.sum(missing) + flow.dissipation
         if is_cheap and not np.any(strength):
             goal = cp.sum(missing)
         elif is_cheap:
-            goal = _PENALTY * cp.sum(cp.pos(missing)) + found.dissipation
-        problem = cp.Problem(cp.Minimize(goal), found.limits)
+            goal = _PENALTY * cp.sum(cp.pos(missing)) + flow.dissipation
+        problem = cp.Problem(cp.Minimize(goal), flow.limits)
         if not run(problem, clarabel_at(_TIGHT)[0], ignore_dpp=True).has_values:
             return self._nothing
         flows, multipliers = self._nothing
-        if found.flows is not None:
-            flows = scale * found.flows.value
-        if found.multipliers is not None:
-            multipliers = scale * np.maximum(found.multipliers.value, 0.0) * self._is_linear
+        if flow.flows is not None:
+            flows = scale * flow.flows.value
+        if flow.multipliers is not None:
+            multipliers = scale * np.maximum(flow.multipliers.value, 0.0) * self._is_linear
         return flows, multipliers
 
     @cached_property

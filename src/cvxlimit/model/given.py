@@ -63,23 +63,23 @@ class Given:
         cls, scene: Scene | Assemblage, joints: Mapping[str, Any], loads: Mapping[str, Any],
         weights: Any,
     ) -> Given:  # fmt: skip
-        given = {name: value for name, value in joints.items() if value is not None}
-        forces = {name: value for name, value in loads.items() if value is not None}
-        if not (given or forces) and weights is None and isinstance(scene, Assemblage):
+        strengths = {name: value for name, value in joints.items() if value is not None}
+        symbolic_loads = {name: value for name, value in loads.items() if value is not None}
+        if not (strengths or symbolic_loads) and weights is None and isinstance(scene, Assemblage):
             statics = scene.statics
             return cls(scene, statics.contacts, statics.dead, statics.live, {})
         plain = scene.scene if isinstance(scene, Assemblage) else scene
         n, free = len(plain.contacts), len(plain.free)
         values = {
             name: _but_of_ties(plain, name, _shaped(name, value, n, "contacts"), np.ndim(value))
-            for name, value in given.items()
+            for name, value in strengths.items()
         }
         numbers = {k: v for k, v in values.items() if not isinstance(v, cp.Expression)}
         if numbers:
             plain = _jointed(plain, numbers)
         for name, value in loads.items():
             if isinstance(value, Load):
-                plain = _loaded(plain, name, forces.pop(name))
+                plain = _loaded(plain, name, symbolic_loads.pop(name))
         weight = None if weights is None else _shaped("weights", weights, free, "free blocks")
         if weight is not None and not isinstance(weight, cp.Expression):
             plain, weight = _weighing(plain, weight), None
@@ -87,10 +87,10 @@ class Given:
         is_same = plain is (scene.scene if isinstance(scene, Assemblage) else scene)
         whole = Assemblage.of(scene if is_same else plain)
         dead, live = whole.statics.dead, whole.statics.live
-        if forces or weight is not None:
-            dead, live = _loads(plain, forces, weight)
+        if symbolic_loads or weight is not None:
+            dead, live = _loads(plain, symbolic_loads, weight)
         symbolic = {"dead": dead, "live": live}
-        symbolic = {name: symbolic[name] for name in forces}
+        symbolic = {name: symbolic[name] for name in symbolic_loads}
         return _with_tension(cls(whole, plain.contacts, dead, live, symbols, weight, symbolic))
 
     def at_present(self) -> Assemblage:
@@ -114,8 +114,8 @@ class Given:
     def parameters(self) -> list[cp.Parameter]:
         """All that were given."""
         every = [*self.joints.values(), self.dead, self.live]
-        found = [p for e in every if isinstance(e, cp.Expression) for p in e.parameters()]
-        return list(dict.fromkeys(found))
+        parameters = [p for e in every if isinstance(e, cp.Expression) for p in e.parameters()]
+        return list(dict.fromkeys(parameters))
 
 
 def _shaped(what: str, value: Any, count: int, of: str) -> Any:

@@ -19,7 +19,7 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
-from cvxlimit.model.sinks import Form, Rows, check_values
+from cvxlimit.model.sinks import CONSTANT_COLUMN, Form, Rows, check_values
 from cvxlimit.model.statics import DOF
 from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.program import ConeProgram
@@ -133,11 +133,11 @@ class OwnLimits:
         ends = np.cumsum([start, *self.dims.soc]).tolist()
         return list(map(slice, ends, ends[1:]))
 
-    def state(self, into: Rows, known: Mapping[int, Form]) -> Form:
-        """State the limits to rows, where CVXPY's variables are ``known`` forms by id; the aim."""
+    def state(self, into: Rows, by_id: Mapping[int, Form]) -> Form:
+        """State the limits to rows, where CVXPY's variables are the forms ``by_id``; the aim."""
         unknown: list[Form] = []
         for variable in self._compiled.variables:
-            form = known.get(variable.id)
+            form = by_id.get(variable.id)
             unknown.append(into.new(variable.size) if form is None else form)
         slots, matrix, (width, height) = into.theta.slots(self), self._matrix, self._sizes
         self.columns = np.concatenate([form.column for form in unknown])
@@ -146,7 +146,7 @@ class OwnLimits:
         whole = Form(
             into.theta,
             np.append(matrix.indices, right),
-            np.append(column, np.full(height, -1)),
+            np.append(column, np.full(height, CONSTANT_COLUMN)),
             np.ones(matrix.nnz + height),
             np.zeros(height),
             slots[: matrix.nnz + height],

@@ -36,28 +36,28 @@ Placing = Callable[[Contacts, IntArray], Points]
 
 def at_centroids(contacts: Contacts, divisions: IntArray) -> Points:
     """Cells' centroids with the cells' areas: inside the exact limit surface."""
-    found = []
+    points = []
     for cells in _cells(contacts, divisions):
         area = _areas(cells)
-        found.append((cells.mean(axis=1), area / area.sum()))
-    return _collected(found)
+        points.append((cells.mean(axis=1), area / area.sum()))
+    return _collected(points)
 
 
 def at_corners(contacts: Contacts, divisions: IntArray) -> Points:
     """Cells' corners, each with its part of its cells' areas: outside the exact limit surface."""
-    found = []
+    points = []
     for cells in _cells(contacts, divisions):
         area, corners = _areas(cells), cells.reshape(-1, 2)
         weight = np.repeat(area / area.sum() / cells.shape[1], cells.shape[1])
         near = np.round(corners / np.sqrt(area.sum()), 9)
         _, first, which = np.unique(near, axis=0, return_index=True, return_inverse=True)
-        found.append((corners[first], np.bincount(which.ravel(), weight).astype(float)))
-    return _collected(found)
+        points.append((corners[first], np.bincount(which.ravel(), weight).astype(float)))
+    return _collected(points)
 
 
-def _collected(found: list[tuple[FloatArray, FloatArray]]) -> Points:
-    contact = np.repeat(np.arange(len(found)), [len(xy) for xy, _ in found])
-    return Points(contact, *(np.concatenate(parts) for parts in zip(*found, strict=True)))
+def _collected(points: list[tuple[FloatArray, FloatArray]]) -> Points:
+    contact = np.repeat(np.arange(len(points)), [len(xy) for xy, _ in points])
+    return Points(contact, *(np.concatenate(parts) for parts in zip(*points, strict=True)))
 
 
 def _cells(contacts: Contacts, divisions: IntArray) -> list[FloatArray]:

@@ -26,9 +26,7 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.solvers.program import ConeProgram
-from cvxlimit.surfaces.base import (
-    YieldSurface,
-)
+from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import strength_key, surfaces_of
 
@@ -131,17 +129,17 @@ class LimitProblem(Changeable):
     @cached_property
     def _in_rows(self) -> tuple[Stated, Written]:
         into = Rows()
-        found, goal = self.stated(into)
+        stated, goal = self.stated(into)
         if self._own is not None:
             own = self._own.state(
-                into, {variable.id: form for variable, form in self._pairs(found)}
+                into, {variable.id: form for variable, form in self._pairs(stated)}
             )
             goal = goal if self._aim is None else own
-        return found, into.written(goal)
+        return stated, into.written(goal)
 
-    def _pairs(self, found: Stated) -> Iterator[tuple[cp.Variable, Any]]:
+    def _pairs(self, stated: Stated) -> Iterator[tuple[cp.Variable, Any]]:
         """CVXPY's variables, and the unknowns of the rows that they are."""
-        theirs, ours = self._in_cvxpy[0].into.unknowns, found.into.unknowns
+        theirs, ours = self._in_cvxpy[0].into.unknowns, stated.into.unknowns
         return zip(theirs, ours, strict=False)  # others are unknowns of the own limits
 
     # In the user's units
@@ -168,7 +166,7 @@ class LimitProblem(Changeable):
             self.model.resultant_map if lift is None else lift @ self.model.resultant_map
         )
         resultant_map = (resultant_map @ sp.diags_array(self.scaling.force * self._unit)).tocsr()
-        found = {}
+        forces = {}
         if given_forces is not None:
             resultant_map = sp.csr_array(
                 sp.hstack([resultant_map, sp.csr_array(given_forces.reshape(-1, 1))])
@@ -179,8 +177,8 @@ class LimitProblem(Changeable):
             if component == "N" and self.given.pull is not None:
                 rows = sp.csr_array(sp.hstack([rows, -sp.eye_array(len(names))]))
                 unknown = cp.hstack([internal, self.given.pull])
-            found[component] = ContactForces(cp.Constant(rows, name=component), unknown, names)
-        return found
+            forces[component] = ContactForces(cp.Constant(rows, name=component), unknown, names)
+        return forces
 
     # The two doors
 
@@ -215,9 +213,9 @@ class LimitProblem(Changeable):
         if about is None or not is_full or self.goal != LARGEST_FACTOR:
             return None
         what, contacts = ("program", about, self.scaling.force), self.model.contacts
-        found = self.repeats.shared(what, contacts, lambda: self._in_rows[1].program)
+        program = self.repeats.shared(what, contacts, lambda: self._in_rows[1].program)
         dead, live = self.loads
-        shared: ConeProgram = found.under(dead, live)
+        shared: ConeProgram = program.under(dead, live)
         return shared
 
     def solve(
@@ -263,8 +261,8 @@ class LimitProblem(Changeable):
         >>> [*found, round(problem.solve().load_factor, 5)]
         [0.4, 0.3]
         """
-        found: Solution = attached("problem_solve")(self, solver, tolerance, verbose, options)
-        return found
+        solution: Solution = attached("problem_solve")(self, solver, tolerance, verbose, options)
+        return solution
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
         """Solvers in the order in which to try them for a bracket within ``tolerance``."""
@@ -273,7 +271,7 @@ class LimitProblem(Changeable):
     @cached_property
     def shape(self) -> Shape:
         """Counts, which decide about solvers."""
-        program = self.program
+        program = self._shared or self._in_rows[1].program
         variables, cones = program.matrix.shape[1], len(program.cones)
         return Shape(variables, program.zero, cones, program.nonneg)
 
@@ -303,8 +301,8 @@ class LimitProblem(Changeable):
         is_warm = before is not None and values is not None and bool((before != values).any())
         outcome, x, y = program.solve(settings, kept, is_warm, all_duals=self._own is not None)
         if "_in_cvxpy" in self.__dict__ and x is not None:  # somebody may read its values
-            found, _ = self._in_rows
-            for variable, form in self._pairs(found):
+            stated, _ = self._in_rows
+            for variable, form in self._pairs(stated):
                 variable.value = form.values(x).reshape(variable.shape)
         multipliers = None
         if self._own is not None and x is not None and y is not None:
@@ -319,13 +317,13 @@ class LimitProblem(Changeable):
     def _run_by_cvxpy(self, settings: SolverSettings) -> LimitState:
         size = sum(parameter.size for parameter in self.problem.parameters())
         outcome = run(self.problem, settings, ignore_dpp=size > DPP_LIMIT)
-        found, _ = self._in_cvxpy
-        if not outcome.has_values or found.factor.value is None:
+        stated, _ = self._in_cvxpy
+        if not outcome.has_values or stated.factor.value is None:
             return LimitState(outcome, None, None, None)
         equations = self.constraints["equilibrium"][0].dual_value
-        internal = np.concatenate([np.asarray(form.value).ravel() for form in found.internal])
-        own = {name: np.asarray(form.value).ravel() for name, form in found.own.items()}
-        return self._state(outcome, internal, float(found.factor.value), equations, own)
+        internal = np.concatenate([np.asarray(form.value).ravel() for form in stated.internal])
+        own = {name: np.asarray(form.value).ravel() for name, form in stated.own.items()}
+        return self._state(outcome, internal, float(stated.factor.value), equations, own)
 
     def state(self, outcome: Outcome, x: FloatArray | None, y: FloatArray | None) -> LimitState:
         """What a solution x of the program says, with duals y of its equations."""
@@ -333,11 +331,11 @@ class LimitProblem(Changeable):
             return LimitState(outcome, None, None, None)
         if self._shared is not None:
             return self._state(outcome, x[: len(self._unit)], float(x[-1]), y, {})
-        found, _ = self._in_rows
-        internal = stacked(found.internal).values(x)
-        own = {name: np.asarray(form.values(x)).ravel() for name, form in found.own.items()}
-        y = y[found.before : found.before + len(self.equilibrium.rows)]
-        return self._state(outcome, internal, float(found.factor.values(x)[0]), y, own)
+        stated, _ = self._in_rows
+        internal = stacked(stated.internal).values(x)
+        own = {name: np.asarray(form.values(x)).ravel() for name, form in stated.own.items()}
+        y = y[stated.before : stated.before + len(self.equilibrium.rows)]
+        return self._state(outcome, internal, float(stated.factor.values(x)[0]), y, own)
 
     def _state(
         self, outcome: Outcome, internal: FloatArray, factor: float, duals: FloatArray | None,
@@ -379,13 +377,13 @@ class LimitProblem(Changeable):
         result.__dict__["equilibrium"] = self.equilibrium
         dead = self.equilibrium.of_load(self.loads[0])
         before = self.program.under(np.zeros_like(dead), dead)
-        at, given = before.zero + before.nonneg, before.matrix
+        at, matrix = before.zero + before.nonneg, before.matrix
         entries = (
-            np.append(given.data, 1.0),
-            np.append(given.indices + (given.indices >= at), at),
-            np.append(given.indptr[:-1], given.nnz + 1),
+            np.append(matrix.data, 1.0),
+            np.append(matrix.indices + (matrix.indices >= at), at),
+            np.append(matrix.indptr[:-1], matrix.nnz + 1),
         )
-        shape = given.shape[0] + 1, given.shape[1]
+        shape = matrix.shape[0] + 1, matrix.shape[1]
         result.__dict__["_shared"] = replace(
             before,
             matrix=sp.csc_array(entries, shape),

@@ -113,12 +113,12 @@ class Theta:
         result, end = np.ones(self.size), 1
         for part in self._parts:
             if isinstance(part, tuple):
-                found = result[part[0]] * result[part[1]]
+                values = result[part[0]] * result[part[1]]
             else:
                 check_values(part.parameters())
-                found = np.asarray(part.value, dtype=float).ravel(order="F")
-            result[end : end + len(found)] = found
-            end += len(found)
+                values = np.asarray(part.value, dtype=float).ravel(order="F")
+            result[end : end + len(values)] = values
+            end += len(values)
         return result
 
     def parameters(self) -> list[cp.Parameter]:
@@ -203,15 +203,17 @@ class Form:
         if not sp.issparse(matrix):
             matrix = np.atleast_2d(matrix)
         if self.first is not None:
-            found = sp.coo_array(matrix)
-            row, column = (np.asarray(index, np.int64) for index in found.coords)
-            value = np.asarray(found.data, dtype=float)
+            entries = sp.coo_array(matrix)
+            row, column = (np.asarray(index, np.int64) for index in entries.coords)
+            value = np.asarray(entries.data, dtype=float)
             return Form(self.theta, row, self.first + column, value, np.zeros(matrix.shape[0]))
         columns = sp.csc_array(matrix)
         at, each = _expanded(columns.indptr, self.row)
-        made = self._picked(each, np.asarray(columns.indices[at], np.int64))
+        product = self._picked(each, np.asarray(columns.indices[at], np.int64))
         return replace(
-            made, value=made.value * columns.data[at], constant=np.asarray(matrix @ self.constant)
+            product,
+            value=product.value * columns.data[at],
+            constant=np.asarray(matrix @ self.constant),
         )
 
     def __add__(self, other: Any) -> Form:
@@ -262,8 +264,8 @@ class Form:
         if self.size == size or self.size != 1:
             return self
         each = np.tile(np.arange(len(self.row)), size)
-        made = self._picked(each, np.repeat(np.arange(size), len(self.row)))
-        return replace(made, constant=np.repeat(self.constant, size))
+        copies = self._picked(each, np.repeat(np.arange(size), len(self.row)))
+        return replace(copies, constant=np.repeat(self.constant, size))
 
     def _with_constant_entries(self) -> Form:
         at = np.flatnonzero(self.constant)
@@ -367,32 +369,27 @@ class Rows:
     def cone(self, bound: Form, rows: Sequence[Form]) -> None:
         self.cones.append([bound, *rows])
 
-    def entries(self) -> _Entries:
-        """Rows, columns, values and slots of A where b - A x is zero, not negative or in a cone:
-        equations first, then inequalities, then cones, whose rows stand together."""
-        found, start = _Entries(), 0
-        for sign, block in self._blocks():
+    def entries(self) -> tuple[_Entries, FloatArray]:
+        """Rows, columns, values and slots of A, and b, where b - A x is zero, not negative or in a
+        cone: equations first, then inequalities, then cones, whose rows stand together."""
+        blocks = [(1.0, [form]) for form in self.equations]
+        blocks += [(-1.0, [form]) for form in self.linear] + [(-1.0, cone) for cone in self.cones]
+        entries, rights, start = _Entries(), list[FloatArray](), 0
+        for sign, block in blocks:
+            right = np.empty(len(block) * block[0].size)
             for i, form in enumerate(block):
                 rows = start + i + len(block) * form.row
-                found.append((rows, form.column, sign * form.value, form.slot))
-            start += len(block) * block[0].size
-        return found
-
-    def _blocks(self) -> list[tuple[float, list[Form]]]:
-        equations = [(1.0, [form]) for form in self.equations]
-        return equations + [(-1.0, block) for block in [*([f] for f in self.linear), *self.cones]]
+                entries.append((rows, form.column, sign * form.value, form.slot))
+                right[i :: len(block)] = -sign * form.constant
+            rights.append(right)
+            start += len(right)
+        return entries, np.concatenate(rights)
 
     def written(self, goal: Form) -> Written:
         """The program that maximises ``goal``."""
-        # entries of A; b is minus the constants of equations, and those of all other rows
-        found, rights = self.entries(), []
-        for sign, block in self._blocks():
-            part = np.empty(len(block) * block[0].size)
-            for i, form in enumerate(block):
-                part[i :: len(block)] = -sign * form.constant
-            rights.append(part)
-        right, cost = np.concatenate(rights), np.zeros(self.width)
-        row, column, value = (np.concatenate([part[i] for part in found]) for i in range(3))
+        entries, right = self.entries()
+        cost = np.zeros(self.width)
+        row, column, value = (np.concatenate([part[i] for part in entries]) for i in range(3))
         equations, linear = (sum(f.size for f in forms) for forms in (self.equations, self.linear))
         cones = tuple(chain(*([len(cone)] * cone[0].size for cone in self.cones)))
         sizes, shape = (equations, linear, cones), (len(right), self.width)
@@ -403,7 +400,7 @@ class Rows:
             np.add.at(cost, goal.column, -goal.value)
             return Written(ConeProgram(cost, matrix, right, *sizes), self.theta)
         # with them, where each entry belongs among the numbers of A, b and c
-        slot = np.concatenate([_slots(part[3], len(part[0])) for part in found])
+        slot = np.concatenate([_slots(part[3], len(part[0])) for part in entries])
         is_entry = (column != CONSTANT_COLUMN) & (value != 0.0)
         places = row[is_entry], column[is_entry]
         matrix = sp.csc_array((np.ones(len(places[0])), places), shape=shape)

@@ -136,18 +136,18 @@ class Statement:
             admissible(into, condition, forces, cone)
         into.label = "goal"
         factor = into.new(name="alpha")
-        found = Stated(self.assemblage, into, forces, internal, factor, *self.loads)
-        goal = self.goal(found)
+        stated = Stated(self.assemblage, into, forces, internal, factor, *self.loads)
+        goal = self.goal(stated)
         into.label = "equilibrium"
         equilibrium = self.equilibrium
-        found.before = 0 if isinstance(into, Constraints) else sum(f.size for f in into.equations)
-        matrix, dead = equilibrium.matrix, equilibrium.of_load(found.dead)
+        stated.before = 0 if isinstance(into, Constraints) else sum(f.size for f in into.equations)
+        matrix, dead = equilibrium.matrix, equilibrium.of_load(stated.dead)
         if isinstance(into, Constraints):  # names, for who prints the problem
             matrix = cp.Constant(matrix, name="A")
             dead = dead if isinstance(dead, cp.Expression) else cp.Constant(dead, name="dead")
-        load = times(equilibrium.of_load(found.live), factor) + dead
+        load = times(equilibrium.of_load(stated.live), factor) + dead
         into.zero(matrix @ stacked(internal) + load)
-        return found, goal
+        return stated, goal
 
     @cached_property
     def _written(self) -> tuple[dict[str, LinearForm], list[tuple[str, Condition, Cone]]]:
@@ -190,9 +190,8 @@ class Statement:
     @cached_property
     def loads(self) -> tuple[Any, Any]:
         """Scaled dead and live load (6 free blocks,), numbers or CVXPY expressions."""
-        units, loads = (self.scaling.force, self.scaling.live), (self.given.dead, self.given.live)
-        dead, live = (product(self._down / u, load) for u, load in zip(units, loads, strict=True))
-        return dead, live
+        dead = product(self._down / self.scaling.force, self.given.dead)
+        return dead, product(self._down / self.scaling.live, self.given.live)
 
     @cached_property
     def _is_whole(self) -> bool:

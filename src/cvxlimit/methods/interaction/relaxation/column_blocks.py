@@ -76,7 +76,8 @@ def cut(
     (column, line, cone, disjunct), first = places, np.cumsum([0, equations, len(of[1])])
     triples = first[2] + (3 * cone[:, None] + np.arange(3)).ravel()
     at = np.concatenate([np.arange(equations), equations + line, triples])
-    every = [(at[rows], column[columns], values) for rows, columns, values, _ in stated.entries()]
+    entries, _ = stated.entries()
+    every = [(at[rows], column[columns], values) for rows, columns, values, _ in entries]
     matrix = stacked(every, (len(at), len(column)))
     counts = np.diff(matrix.indptr)
     kind = np.searchsorted(first, matrix.indices, side="right") - 1
