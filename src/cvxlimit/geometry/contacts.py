@@ -323,12 +323,15 @@ def _point(at: FloatArray) -> str:
 
 
 def least_carried(forces: FloatArray) -> float:
+    """The resistance below which a contact counts as carrying nothing, for forces (n, 6) in the
+    column order of :data:`COMPONENTS`."""
     return CARRIES * float(np.abs(forces[:, :3]).max(initial=0.0))
 
 
 def pressure_centres(contacts: Contacts, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns where forces (n, 6) press: (e1, e2) = (-M2, M1) / N (n, 2) in the contact's plane,
-    and (n, 3) in space; NaN where a contact carries nothing."""
+    """Returns the pressure centres of forces (n, 6), whose columns are :data:`COMPONENTS`: in the
+    contact's plane, (e1, e2) = (-M2, M1) / N (n, 2), and in space (n, 3). They are NaN where a
+    contact carries nothing."""
     normal = forces[:, COLUMN["N"]]
     safe = np.where(normal > least_carried(forces), normal, np.nan)
     centre = np.stack([-forces[:, COLUMN["M2"]], forces[:, COLUMN["M1"]]], axis=1) / safe[:, None]

@@ -33,8 +33,12 @@ programs cut planes into triangles, and which booleans leave, the normals are ro
 
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
-    """Directed sides of all faces: from, to, face and the number of the undirected edge they lie
-    on, (m,) each; ``uses`` says how many sides lie on each edge."""
+    """The m directed sides of all faces, and the e undirected edges that they lie on.
+
+    Side i runs from vertex ``start[i]`` to vertex ``end[i]``, belongs to face ``face[i]`` and lies
+    on edge ``key[i]``; ``uses`` (e,) is the number of sides on each edge, two on a simple closed
+    surface.
+    """
 
     start: IntArray
     end: IntArray
@@ -56,12 +60,14 @@ class EdgeTable:
         return cls(start, end, np.repeat(np.arange(len(sizes)), sizes), key, uses)
 
     def twins(self) -> tuple[IntArray, IntArray]:
+        """The two sides, (t,) each, of every edge that has two."""
         order = np.argsort(self.key, kind="stable")
         order = order[self.uses[self.key[order]] == 2]
         return order[::2], order[1::2]
 
 
 def by_size(faces: Sequence[Sequence[int]]) -> Iterator[tuple[IntArray, IntArray]]:
+    """Yields faces of equal size k at once: their numbers (m,) and their vertices (m, k)."""
     sizes = np.array([len(f) for f in faces])
     for size in np.unique(sizes).tolist():
         members = np.flatnonzero(sizes == size)
@@ -85,12 +91,14 @@ def fan(points: FloatArray, faces: Sequence[Sequence[int]]) -> tuple[FloatArray,
 
 
 def padded(faces: Faces, width: int = 0) -> IntArray:
+    """Faces as one array (f, k), the last vertex of each repeated up to the largest size."""
     width = max(width, *map(len, faces))
     return np.array([[*f, *f[-1:] * (width - len(f))] for f in faces])
 
 
 def linked(count: int, first: IntArray, second: IntArray) -> IntArray:
-    """Which group each of so many things belongs to, where ``first`` and ``second`` are linked."""
+    """The number of the group (count,) of each of ``count`` things, if ``first[i]`` and
+    ``second[i]`` are in one group."""
     links = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
@@ -138,6 +146,7 @@ def cut_off(triangles: FloatArray, depth: FloatArray) -> FloatArray:
 
 
 def area_vectors(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
+    """Area times unit normal (f, 3) of each face, see :func:`polygon_vectors`."""
     result = np.empty((len(faces), 3))
     for members, indices in by_size(faces):
         result[members] = polygon_vectors(points[indices])
@@ -163,12 +172,16 @@ def volume_and_centroid(
 
 
 def flipped(faces: Faces, which: NDArray[np.bool_]) -> Faces:
+    """The faces, with those marked in ``which`` (f,) running the other way round."""
     return tuple(f[::-1] if turns else f for f, turns in zip(faces, which.tolist(), strict=True))
 
 
 def second_moments(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatArray:
-    """Integral of x x' (3, 3) over what a closed surface encloses, about the origin of its points:
-    a tetrahedron's is its volume / 20 times that of its corners' sum and of its corners."""
+    """Integral of x x^T (3, 3) over the body that a closed surface encloses, about the origin.
+
+    The body is cut into tetrahedra with one corner in the origin and the others at p_1, p_2, p_3;
+    each of volume v adds v / 20 (sum_i p_i p_i^T + s s^T), where s = p_1 + p_2 + p_3.
+    """
     corners = fan(points, faces)[0]
     volumes, whole = np.linalg.det(corners) / 120.0, corners.sum(axis=1)
     each = np.einsum("t,tkx,tky->xy", volumes, corners, corners)
@@ -176,12 +189,14 @@ def second_moments(points: FloatArray, faces: Sequence[Sequence[int]]) -> FloatA
 
 
 def plane_axes(normal: FloatArray) -> FloatArray:
+    """Two unit vectors (2, 3) of the plane, right-handed with its unit normal."""
     first = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(normal, first)])
 
 
 def place(point: FloatArray) -> str:
+    """A point as it is written in messages."""
     return "(" + ", ".join(f"{x:.6g}" for x in np.asarray(point).tolist()) + ")"
 
 
@@ -235,6 +250,7 @@ def _diagonals(corners: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
 
 
 def _ears(corners: FloatArray) -> IntArray:
+    """Triangles (t, 3) of corner numbers that tile one polygon, by ear clipping in its plane."""
     normal = polygon_vectors(corners)
     flat = corners @ plane_axes(normal / np.linalg.norm(normal)).T
     return np.asarray(manifold3d.triangulate([np.ascontiguousarray(flat)]), np.int64)

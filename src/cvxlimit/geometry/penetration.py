@@ -35,10 +35,14 @@ class Body:
 
 
 def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]:
-    """How deep two bodies are in each other; the centroid and corners (k, 3) of the deepest common
-    part. The larger of two measures, each exact where the other sees nothing: thickness across the
-    widest view, that of a plate, and the largest distance of corners from either surface, that of a
-    corner in a face. Booleans leave parts without thickness where bodies touch: neither minds."""
+    """Returns how deep two bodies are in each other, and the centroid (3,) and corners (k, 3) of
+    the deepest part that they share.
+
+    The depth is the larger of two measures. The volume over the widest view is right where a flat
+    layer is shared; the largest distance of the part's corners from either surface is right where a
+    corner is pushed into a face. Both are zero for parts without thickness, which Boolean
+    operations leave where bodies merely touch.
+    """
     depth, where, deepest = 0.0, one.origin, np.empty((0, 3))
     for part in (one.manifold ^ other.manifold).decompose():
         if part.is_empty() or not part.volume() > 0.0:
@@ -55,6 +59,7 @@ def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]
 
 
 def _widest_view(triangles: FloatArray) -> float:
+    """The largest area of a body's shadow, among those along the normals of its triangles."""
     vectors = mesh.polygon_vectors(triangles)
     area = np.linalg.norm(vectors, axis=1)
     real = area > mesh.SLIVER * area.max()
@@ -63,9 +68,8 @@ def _widest_view(triangles: FloatArray) -> float:
 
 
 def _farthest(points: FloatArray, triangles: FloatArray) -> float:
-    """The largest distance of points (k, 3) from a surface. Triangles farther off are looked at
-    only if none is nearer: many facets of two curved sides cut each other in as many small parts,
-    long and thin."""
+    """The largest distance of points (k, 3) from a surface of triangles (t, 3, 3). Distant
+    triangles are looked at only if none is near, since two curved sides share many small parts."""
     extent = np.ptp(points, axis=0)
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     farthest = np.inf
@@ -80,6 +84,8 @@ def _farthest(points: FloatArray, triangles: FloatArray) -> float:
 
 
 def _distances(point: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Distance (t,) of a point from each triangle: from its plane if the point's foot lies within
+    the triangle, else from its nearest side."""
     along = np.roll(triangles, -1, axis=1) - triangles
     offset = point - triangles
     share = np.einsum("tsk,tsk->ts", offset, along) / np.einsum("tsk,tsk->ts", along, along)
@@ -93,7 +99,7 @@ def _distances(point: FloatArray, triangles: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Overlaps:
-    """What blocks share, and the refusal of those that share too much."""
+    """Refuses blocks that share more volume than their joint ``tolerance`` (n,) allows."""
 
     blocks: Sequence[Block]
     tolerance: FloatArray
@@ -115,6 +121,8 @@ class Overlaps:
         return [miss for miss in found if miss is not None]
 
     def _of(self, i: int, k: int, allowed: float) -> NearMiss | None:
+        """None if blocks i and k overlap by no more than ``allowed`` (length)."""
+        # A plane of a face may separate them: the least overlap of their extents along normals.
         a, b = self.blocks[i], self.blocks[k]
         directions = np.concatenate([self._normals(i), -self._normals(k)])
         overlaps = (a.vertices @ directions.T).max(0) - (b.vertices @ directions.T).min(0)

@@ -61,6 +61,7 @@ def _slope(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def area_and_centroid(corners: ArrayLike) -> tuple[float, FloatArray]:
+    """Area and centroid (2,) of a polygon (k, 2)."""
     points = np.asarray(corners, dtype=float)
     spokes = points - points[0]
     ahead = np.roll(spokes, -1, axis=0)
@@ -70,14 +71,16 @@ def area_and_centroid(corners: ArrayLike) -> tuple[float, FloatArray]:
 
 
 def distance_integral(height: FloatArray, end: FloatArray) -> FloatArray:
-    """Integral (length squared) of the distance from a point along a line that passes it at
-    ``height``, from the point's foot to ``end``: 1/2 (s sqrt(h2 + s2) + h2 asinh(s / abs(h)))."""
+    """Integral (length squared) of the distance from a point, along a line that passes the point at
+    distance h = ``height``, from the point's foot on it to s = ``end``:
+    1/2 (s sqrt(h^2 + s^2) + h^2 asinh(s / abs(h)))."""
     tall = np.where(height != 0.0, np.abs(height), 1.0)
     log_term = np.where(height != 0.0, height**2 * np.arcsinh(end / tall), 0.0)
     return np.asarray(0.5 * (end * np.hypot(height, end) + log_term))
 
 
 def mean_distance_on_segment(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Mean distance (...) of the points of segments from the origin; ends are (..., 2)."""
     along = end - start
     length = np.linalg.norm(along, axis=-1)
     safe = np.where(length > 0.0, length, 1.0)
@@ -115,14 +118,18 @@ def mean_distance(corners: ArrayLike, point: ArrayLike) -> float:
 
 
 def mean_distance_over(pieces: Sequence[FloatArray], point: ArrayLike) -> float:
+    """Mean distance from ``point`` of the points of all ``pieces``, polygons (k, 2) each."""
     areas = np.array([area_and_centroid(piece)[0] for piece in pieces])
     return float(areas @ [mean_distance(piece, point) for piece in pieces] / areas.sum())
 
 
 def effective_regions(corners: ArrayLike, pressure_centres: ArrayLike) -> list[FloatArray]:
-    """P ∩ (2e - P) for centres (p, 2): the largest parts of a convex contact (k, 2), or of one each
-    (p, k, 2), centred on them, for a rectangle the effective area of Eq. 26. Two corners for a
-    centre on an edge, one in a corner, none outside."""
+    """The effective area of a convex contact P for each pressure centre e: P ∩ (2e - P).
+
+    It is the largest part of P that is symmetric about e; for a rectangle that of Eq. 26.
+    ``corners`` of P are (k, 2), or (p, k, 2) with one contact for each of the centres (p, 2). What
+    is returned has two corners for a centre on an edge, one in a corner, none outside.
+    """
     points = np.asarray(corners, dtype=float)
     centres = np.asarray(pressure_centres, dtype=float)
     reach = np.abs(points - centres[:, None]).max(axis=(1, 2))
@@ -135,6 +142,7 @@ def effective_regions(corners: ArrayLike, pressure_centres: ArrayLike) -> list[F
 
 
 def _ends(points: FloatArray, tolerance: float) -> FloatArray:
+    """The two points that are farthest apart; one where all coincide within the tolerance."""
     gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
     if not gaps.size or gaps.max() <= tolerance:
         return points[:1]
@@ -200,9 +208,9 @@ def _common(
 def clipped(
     corners: FloatArray, count: IntArray, height: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Parts of convex polygons where a height that is linear over each is not negative. ``corners``
-    (p, k, d), of which the first ``count`` (p,) are meant, and the ``height`` (p, k) at each;
-    returns corners (p, m, d) and how many are meant. Corners on the line stay."""
+    """The parts of convex polygons where a linear height is not negative. ``corners`` are
+    (p, k, d), of which the first ``count`` (p,) are valid, and ``height`` (p, k) is that at each.
+    Returns corners (p, m, d) and how many are valid. Corners of height zero stay."""
     pairs, width, dimension = corners.shape
     ahead = _neighbour(corners, count, 1)
     height_ahead = _neighbour(height[:, :, None], count, 1)[:, :, 0]
@@ -216,12 +224,14 @@ def clipped(
 
 
 def _kept(corners: FloatArray, kept: BoolArray) -> tuple[FloatArray, IntArray]:
+    """The corners that are ``kept`` (p, k), moved to the front in order, and how many they are."""
     count = kept.sum(axis=1)
     order = np.argsort(~kept, axis=1, kind="stable")[:, : max(int(count.max(initial=0)), 1)]
     return np.take_along_axis(corners, order[:, :, None], axis=1), count
 
 
 def _doubled(polygons: FloatArray) -> FloatArray:
+    """Twice the signed area (p,) of polygons (p, k, 2), positive counter-clockwise."""
     spokes = polygons[:, 1:] - polygons[:, :1]
     return np.asarray(turn(spokes[:, :-1], spokes[:, 1:]).sum(axis=1))
 
@@ -253,10 +263,12 @@ def simplified(corners: FloatArray, count: IntArray, size: FloatArray) -> list[F
 
 
 def _meant(corners: FloatArray, count: IntArray) -> BoolArray:
+    """True (p, k) for the first ``count`` corners of each polygon, which are the valid ones."""
     return np.arange(corners.shape[1]) < count[:, None]
 
 
 def _neighbour(corners: FloatArray, count: IntArray, step: int) -> FloatArray:
+    """For each corner, the corner that is ``step`` places further round its polygon."""
     place = (np.arange(corners.shape[1]) + step) % np.maximum(count, 1)[:, None]
     return np.take_along_axis(corners, place[:, :, None], axis=1)
 
@@ -267,10 +279,12 @@ _AROUND = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """Overlaps of facet pairs, centred, and turned along their own sides. ``corners`` of overlap i
-    begin at ``start[i]``; ``sides`` are NaN if it is no rectangle. Where it is not convex,
-    ``corners`` are those of its hull and ``pieces`` tile it; ``area``, ``middle`` and ``width`` are
-    its own."""
+    """Outlines of k overlaps of facets, each about its own centroid with axes along its own sides.
+
+    The ``corners`` of overlap i run from ``start[i]`` to the next start; ``sides`` are NaN if it is
+    no rectangle. If it is not convex, ``corners`` are those of its hull and ``pieces`` tile it,
+    while ``area``, ``middle`` and ``width`` are those of the overlap itself.
+    """
 
     pair: IntArray  # (k,)
     middle: FloatArray  # (k, 2), centroids in the pairs' planes
@@ -392,8 +406,9 @@ def _along_own_sides(corners: FloatArray) -> tuple[FloatArray, FloatArray, Float
 
 
 def members_of(start: IntArray, end: int, groups: IntArray) -> tuple[IntArray, IntArray]:
-    """For each of ``groups`` all its rows: places in ``groups``, and rows. Group i has the rows
-    from ``start[i]`` to the next start, the last one to ``end``."""
+    """The rows of all ``groups`` (k,), one group after the other: for each row its place in
+    ``groups`` (m,), and its number (m,). Group i has the rows from ``start[i]`` to the next start,
+    the last group to ``end``."""
     count = np.diff(start, append=end)[groups]
     place = np.repeat(np.arange(len(groups)), count)
     within = np.arange(len(place)) - (np.cumsum(count) - count)[place]

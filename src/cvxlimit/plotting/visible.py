@@ -33,7 +33,8 @@ _ROUNDING = _Rounding()
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Convex faces, each (k, 3): right, up and towards the viewer."""
+    """Convex faces as the camera sees them: ``corners`` (k, 3) of each are x to the right, y
+    upwards and z towards the viewer."""
 
     corners: Sequence[FloatArray]
 
@@ -49,7 +50,8 @@ class Faces:
 
     @cached_property
     def planes(self) -> FloatArray:
-        """Distance towards the viewer as a x + b y + c, (n, 3); NaN for what is seen edge-on."""
+        """Coefficients a, b, c (n, 3) of each face's plane z = a x + b y + c, where z points
+        towards the viewer; NaN for faces that are seen edge-on."""
         result = np.full((len(self.corners), 3), np.nan)
         for i, polygon in enumerate(self.corners):
             spokes = polygon[1:] - polygon[0]
@@ -62,6 +64,7 @@ class Faces:
 
     @cached_property
     def flat(self) -> Regions:
+        """The outline (n,) of each face on the picture; empty if it is seen edge-on."""
         if not len(self.corners):
             return np.empty(0, dtype=object)
         counts = [len(polygon) for polygon in self.corners]
@@ -77,11 +80,12 @@ class Faces:
         return shapely.STRtree(self.flat)
 
     def nearness(self, face: IntArray, points: FloatArray) -> FloatArray:
+        """How near to the viewer (p,) the planes of faces (p,) are at points (p, 2)."""
         a, b, c = self.planes[face].T
         return np.asarray(a * points[:, 0] + b * points[:, 1] + c)
 
     def visible(self) -> Regions:
-        """What is seen of each face; of equally near ones the first."""
+        """The visible part (n,) of each face; of faces equally near, the first one is seen."""
         behind, parts = self._hidden()
         hiding: list[list[shapely.Geometry]] = [[] for _ in self.corners]
         for i, part in zip(behind.tolist(), parts, strict=True):
@@ -93,13 +97,16 @@ class Faces:
         return left
 
     def _hidden(self) -> tuple[IntArray, Regions]:
-        """Faces and parts of them that another one hides."""
+        """Numbers of faces (h,), and for each the part (h,) of it that some other face hides."""
+        # The regions where two faces lie one behind the other.
         one, other = self.tree.query(self.flat, predicate="intersects")
         one, other = one[one < other], other[one < other]
         shared = intersections(self.flat[one], self.flat[other], self.grid)
         kept = shapely.area(shared) > ROUNDING * self.size**2
         one, other, shared = one[kept], other[kept], shared[kept]
         points, owner = shapely.get_coordinates(shared, return_index=True)
+        # By how much the second face is nearer, at most and at least: a difference of two planes
+        # has its extremes at corners.
         ahead = self.nearness(other[owner], points) - self.nearness(one[owner], points)
         most, least = np.full(len(one), -np.inf), np.full(len(one), np.inf)
         np.maximum.at(most, owner, ahead)
@@ -108,6 +115,7 @@ class Faces:
         first, second = most <= tie, (least >= -tie) & (most > tie)
         behind = [other[first], one[second]]
         parts = [shared[first], shared[second]]
+        # Faces that pass through each other: each hides the other on one side of a line.
         for pair in np.flatnonzero(~first & ~second).tolist():
             i, j = int(one[pair]), int(other[pair])
             plane = self.planes[j] - self.planes[i]
@@ -118,8 +126,9 @@ class Faces:
         return np.concatenate(behind), np.concatenate(parts)
 
     def visible_lines(self, ends: FloatArray, lift: float) -> tuple[FloatArray, IntArray]:
-        """What is seen of lines (m, 2, 3) that lie nearer by ``lift``: ends (p, 2, 2), and of which
-        line each is."""
+        """The visible parts of lines with ``ends`` (m, 2, 3), which are drawn nearer to the viewer
+        by ``lift``: ends (p, 2, 2) on the picture, and the number (p,) of the line of each."""
+        # The stretch of each line in front of or behind each face that it crosses.
         lines = shapely.linestrings(ends[:, :, :2])
         line, face = self.tree.query(lines, predicate="intersects")
         cut = intersections(lines[line], self.flat[face], self.grid)
@@ -132,6 +141,7 @@ class Faces:
         t /= np.einsum("ij,ij->i", along[:, :2], along[:, :2])
         depth = ends[line[owner], 0, 2] + t * along[:, 2] + lift
         ahead = self.nearness(face[owner], points) - depth
+        # What lies behind the face, as ranges of the line's parameter from 0 to 1, is hidden.
         hidden: list[list[tuple[float, float]]] = [[] for _ in ends]
         starts = np.flatnonzero(np.r_[True, owner[1:] != owner[:-1]]) if len(owner) else owner
         for k, first in zip(line[owner[starts]].tolist(), starts.tolist(), strict=True):
