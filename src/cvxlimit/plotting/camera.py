@@ -27,6 +27,7 @@ class Camera:
     axes: FloatArray
 
     def project(self, points: FloatArray) -> FloatArray:
+        """Points (p, 3) as seen: right, up and nearness to the viewer, (p, 3)."""
         return np.asarray(points @ self.axes.T)
 
 
@@ -69,8 +70,9 @@ def default_camera(scene: Scene, motion: Motion) -> Camera:
 
 
 def upright(scene: Scene) -> FloatArray:
-    """The coordinate axis nearest to the direction against gravity, +z without any. The dead load's
-    own gravity: forces that lift blocks turn no picture upside down."""
+    """The coordinate axis (3,) nearest to the direction against gravity, or +z if the scene has no
+    weight. Where the dead load states gravity, that counts rather than its forces, so that forces
+    which lift blocks do not turn the picture upside down."""
     given = scene.dead.gravity
     down = scene.dead_forces[:, :3].sum(axis=0) if given is None else np.array(given)
     size = float(np.linalg.norm(down))
@@ -82,10 +84,12 @@ def upright(scene: Scene) -> FloatArray:
 
 
 def thin_axis(scene: Scene) -> FloatArray:
+    """The horizontal coordinate axis (3,) along which the structure is shortest."""
     return _horizontal_axes(scene, upright(scene))[0]
 
 
 def _horizontal_axes(scene: Scene, up: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The two horizontal axes: along the short and along the long side of the structure."""
     extent = np.ptp(free_bounds(scene), axis=0)
     level = [axis for axis in range(3) if not up[axis]]
     thin, wide = sorted(level, key=lambda axis: float(extent[axis]))

@@ -96,13 +96,16 @@ _NO_CONTACTS = ContactMotion(_NOTHING, _NOTHING, _NOTHING, _NOTHING, np.empty(0,
 
 
 def still(scene: Scene) -> Motion:
-    """No movement; nothing is asked about contacts, so that a refused scene can be drawn."""
+    """A motion without movement. It does not ask for contacts, so that a scene whose geometry is
+    refused can be drawn."""
     count = len(scene.blocks)
     return Motion(np.zeros((count, 6)), 0.0, np.zeros(count), 0.0, _NO_CONTACTS, is_solved=False)
 
 
 def moved_by(scene: Scene, displacements: Mapping[str, FloatArray]) -> Motion:
-    """Blocks moved by displacements (6,) by id; speeds are the ways of their farthest corners."""
+    """The motion to a displaced configuration. ``displacements`` (6,) by block id are the
+    translation of the centroid and the rotation vector; blocks that are not named stay. The speed
+    of a block is the distance that its farthest corner moves."""
     ways = np.array([displacements.get(block.id, np.zeros(6)) for block in scene.blocks])
     corners = [block.vertices for block in scene.blocks]
     owner = np.repeat(np.arange(len(corners)), [*map(len, corners)])
@@ -123,6 +126,7 @@ def points_moved(scene: Scene, ways: FloatArray, points: FloatArray, block: IntA
 
 
 def free_bounds(scene: Scene) -> FloatArray:
+    """Lowest and highest x, y, z (2, 3) of all blocks that are not supports."""
     points = np.concatenate([scene.blocks[i].vertices for i in scene.free])
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
@@ -133,12 +137,14 @@ def free_size(scene: Scene) -> float:
 
 
 def displaced(scene: Scene, moving: Motion, points: FloatArray, block: IntArray) -> FloatArray:
+    """Where points (p, 3) of blocks (p,) are drawn."""
     if moving.is_finite:
         return points_moved(scene, moving.rates, points, block)
     return points + moving.scale * velocity_of(scene, moving.rates, points, block)
 
 
 def _block_rates(scene: Scene, solution: Solution) -> FloatArray:
+    """Rates ux, uy, uz, rx, ry, rz (n_blocks, 6) of the mechanism, in the order of the scene."""
     rates = np.zeros((len(scene.blocks), 6))
     if solution.mechanism is None:
         return rates

@@ -1,10 +1,10 @@
-"""How contacts follow vertices of blocks: corners, planes, volumes, centroids, to first order.
+"""How contacts move with the vertices of their blocks, to first order.
 
-A contact is the overlap of a facet of either block, projected on the mean of their planes. So its
-corners lie where two edges cross, each of one facet or, where two blocks end together, of both;
-such an edge follows both by half, the mean of what moving one of them in and out does. Its normal
-and its height are the means of the two facets'. Joints that gape, or faces that are warped, by a
-share s of their size are followed to s.
+A contact is the overlap of one facet of each block, projected on the mean of their planes. Each of
+its corners lies where two edges cross. An edge belongs to one facet or, where both blocks end
+together, to both; it then moves by the mean of both. Normal and height of the contact are the means
+of the two facets'. For joints that gape, or faces that are warped, by a share s of their size, the
+slopes are right to s.
 """
 
 from __future__ import annotations
@@ -24,9 +24,13 @@ from cvxlimit.geometry.polygons import united
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """The points of all contacts: corners of their hulls, and of their pieces where these are not
-    the hull. ``start`` (n + 1,) says which of the ``points`` (m, 2) belong to which contact,
-    ``corner`` (corners,) which of them are the hull's; ``pieces`` are rows of ``points`` too."""
+    """The distinct points of n contacts: corners of their hulls, and of the pieces of those that
+    are not convex.
+
+    Contact j has the rows from ``start[j]`` to ``start[j + 1]`` of ``points`` (m, 2), in its plane
+    (t1, t2). ``corner`` (c,) is the row of every corner of the hulls, in the order of
+    ``contacts.corner_xy``; ``pieces[j]`` are the rows of each piece of contact j.
+    """
 
     contacts: Contacts
     start: IntArray
@@ -87,9 +91,23 @@ class Shapes:
 
 @dataclass(frozen=True, eq=False)
 class Follows:
-    """How contact ``contact`` follows vertices ``vertex`` (k,) of block ``block``: its points
-    ``in_plane`` (points, k, 2, 2), its height ``height`` (k,) and its normal ``tilt`` (k, 3) per
-    displacement along the normal. ``shares`` (k,) are vertices of edges of both blocks."""
+    """Derivatives of one contact by the k vertices ``vertex`` of one of its blocks.
+
+    Attributes
+    ----------
+    contact, block : int
+        Numbers of the contact and of the block.
+    vertex : (k,)
+        Numbers of the block's vertices.
+    in_plane : (p, k, 2, 2)
+        Of the contact's p points, by the vertex's displacement in the plane (t1, t2); the
+        component of the point comes first.
+    height : (k,), tilt : (k, 3)
+        Of the contact's height along its normal, and of its unit normal, by the displacement of the
+        vertex along the normal.
+    shares : (k,)
+        True for vertices of edges that belong to both blocks.
+    """
 
     contact: int
     block: int
@@ -102,19 +120,20 @@ class Follows:
 
 @dataclass(frozen=True, eq=False)
 class _Facet:
-    """Loops of vertices that tile a facet; its edges (e, 2) without those between two loops."""
+    """A facet of a block with vertices ``points`` (v, 3), tiled by ``loops`` of vertex numbers."""
 
     points: FloatArray
     loops: Sequence[Sequence[int]]
 
     @property
     def edges(self) -> IntArray:
+        """Both ends (e, 2) of each outer edge; edges between two loops are left out."""
         every = {(loop[i - 1], loop[i]) for loop in self.loops for i in range(len(loop))}
         return np.array([(i, k) for i, k in sorted(every) if (k, i) not in every])
 
     def plane(self, vertex: IntArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Height at a point (k,) and change of the unit normal (k, 3), for displacements of
-        vertices along the normal."""
+        """Derivatives of the plane's height (k,) at the point ``at`` (3,) and of its unit normal
+        (k, 3), by displacements of the vertices ``vertex`` (k,) along the normal."""
         whole, weight = np.zeros(3), []
         turned, middle = np.zeros((len(self.points), 3)), np.zeros(3)
         for loop in self.loops:
@@ -134,14 +153,15 @@ class _Facet:
 
 
 def followed(shapes: Shapes, blocks: Sequence[Block], table: FacetTable) -> Iterator[Follows]:
-    """How every contact follows the vertices of both of its blocks; contacts of ties, and any whose
-    faces are not found, follow none."""
+    """Yields the derivatives of every contact by the vertices of both its blocks, two per contact;
+    none for contacts of ties, and for contacts whose facets are not in the table."""
     c = shapes.contacts
     start = np.searchsorted(table.block, np.arange(len(blocks) + 1))
     index = [{p.tobytes(): i for i, p in enumerate(block.vertices)} for block in blocks]
     for j in range(len(c)):
         sides = []
         for block, outward in ((int(c.a[j]), c.axes[j, 2]), (int(c.b[j]), -c.axes[j, 2])):
+            # The facet of the block that is nearest to the contact and looks the same way.
             rows = np.arange(start[block], start[block + 1])
             corners = c.origin[j] + c.corners_of(j) @ c.axes[j, :2]
             off = np.abs(
@@ -161,9 +181,11 @@ def followed(shapes: Shapes, blocks: Sequence[Block], table: FacetTable) -> Iter
 
 
 def _both(shapes: Shapes, j: int, sides: Sequence[tuple[int, _Facet]]) -> Iterator[Follows]:
+    """The derivatives of contact j by the vertices of both ``sides``: a block, and its facet."""
     c, rows = shapes.contacts, slice(shapes.start[j], shapes.start[j + 1])
     points, near = shapes.points[rows], RELATIVE_TOLERANCE * float(np.sqrt(c.area[j]))
-    # all edges that pass through points: point, inward normal, whose, its ends, share of the second
+    # 1. For each point all edges through it: inward normal, side (0 is a, 1 is b), both end
+    # vertices, and where on the edge the point lies, from 0 to 1.
     lines: list[list[tuple[FloatArray, int, int, int, float]]] = [[] for _ in points]
     for side, (_, facet) in enumerate(sides):
         flat = (facet.points - c.origin[j]) @ c.axes[j, :2].T
@@ -184,6 +206,8 @@ def _both(shapes: Shapes, j: int, sides: Sequence[tuple[int, _Facet]]) -> Iterat
     place = [{int(i): k for k, i in enumerate(v)} for v in vertex]
     ends = _neighbours(shapes, j)
     for p, through in enumerate(lines):
+        # 2. Parallel edges are one line; of more than two the point keeps those along the contact's
+        # own edges there.
         groups: list[list[tuple[FloatArray, int, int, int, float]]] = []
         for line in through:
             for group in groups:
@@ -192,10 +216,12 @@ def _both(shapes: Shapes, j: int, sides: Sequence[tuple[int, _Facet]]) -> Iterat
                     break
             else:
                 groups.append([line])
-        if len(groups) > 2 and p in ends:  # those along the contact's own edges
+        if len(groups) > 2 and p in ends:
             groups = sorted(groups, key=lambda g: min(abs(g[0][0] @ way) for way in ends[p]))[:2]
         if not groups:
             continue
+        # 3. The point stays on both lines: its displacement d solves normal_i @ d = shift_i, where
+        # the shift of a line is shared among its edges, and between the ends of each edge.
         moves = np.linalg.pinv(np.array([group[0][0] for group in groups]))
         for column, group in zip(moves.T, groups, strict=True):
             way, owners = group[0][0], {line[1] for line in group}
@@ -227,8 +253,8 @@ def _neighbours(shapes: Shapes, j: int) -> dict[int, list[FloatArray]]:
 
 
 def volume_slopes(block: Block) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of volume (v, 3) and centroid (v, 3, 3) by the vertices; the centroid's component
-    comes first."""
+    """Derivatives of a block's volume (v, 3) and centroid (v, 3, 3) by its v vertices. Those of the
+    centroid are [vertex, component of the centroid, component of the vertex]."""
     count = len(block.vertices)
     # a fan's corners are means of vertices: which ones, three columns at a time
     eye = np.eye(count, 3 * -(-count // 3))
