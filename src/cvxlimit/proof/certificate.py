@@ -1,7 +1,17 @@
 """The bracket of a load factor, recomputed in NumPy from the unscaled scene.
 
-Nothing a solver says enters here: only forces and mechanism do, and the bounds hold whatever they
-are. Solvers have returned load factors wrong by 5 % with small residuals and no duality gap.
+A solver's own claims (load factor, residuals, duality gap) are not used: solvers have returned load
+factors wrong by 5 % with small residuals and no gap. Only its forces and its mechanism are used,
+and the bounds hold whatever these are.
+
+Letters and arrays of this module, in the scene's own units:
+
+- ``x``: a state, contact forces (n, 6) in the columns V1 V2 N M1 M2 MT of ``COMPONENTS`` with N > 0
+  in compression, or internal forces (p,) where the formulation has conditions of its own;
+- ``alpha``: a load factor; ``statics.dead`` and ``statics.live`` (6 free blocks,) are the loads;
+- ``u``: a mechanism (free blocks, 6), three velocities and three rates of rotation of each
+  centroid;
+- relative rates (n, 6): those of contacts, conjugate to the contact forces column by column.
 """
 
 from __future__ import annotations
@@ -21,6 +31,7 @@ from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.gluing import glued, without_idle
+from cvxlimit.proof.opening import OpenedMechanism, open_mechanism, spare_opening
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import NOTHING, ContactFlow, Flow, Strength, finite
 from cvxlimit.scene import Scene
@@ -30,69 +41,77 @@ from cvxlimit.surfaces.base import YieldSurface
 
 
 @dataclass(frozen=True)
-class _Numbers:
-    """What each number is for, and where it was measured."""
+class _Tolerances:
+    """The chosen figures of this module, each with its reason."""
 
     stuck: tuple[float, ...] = (1e-09, 1e-12)
-    """Relative rates at a contact, over the mechanism's largest, up to which its blocks may be
-    meant to move as one; both are tried. Solvers leave up to 1e-11 where nothing moves."""
-    loose: float = 1e-06
-    """The same where nothing else proves a bound."""
+    """A contact whose relative rates are below this share of the mechanism's largest rate counts as
+    stuck, so that its two blocks are glued. Both shares are tried; solvers leave up to 1e-11 where
+    nothing moves."""
+    loosely_stuck: float = 1e-06
+    """The same share, tried where neither of the two above proves a bound."""
     gripping: float = 100.0
-    """Friction from which that matters: the flow rule asks for an opening of friction times the
-    slip, so that slips by rounding cost some of the bracket."""
+    """Friction coefficient from which gluing is tried although a bound is proved: the flow rule
+    asks for an opening of friction times slip, so that slips by rounding widen the bracket."""
     unresisted: float = 1e-10
-    """Load factor, over the natural one, that rounding in equilibrium may hide where nothing
-    resists: ten times what counts as balanced. The dead-load state itself carries zero."""
-    price: float = 1e-06
-    """What a proof may cost where a bound with an assumption is tighter, relative: a tenth of the
-    width of bracket that counts as certified."""
+    """Share of the natural load factor taken off a lower bound where some forces are resisted by
+    nothing: ten times what counts as balanced. No reserve of strength absorbs it there."""
+    cost_of_proof: float = 1e-06
+    """A proved bound is preferred to a tighter one with an assumption if it is worse by no more
+    than this relative amount, a tenth of the width of bracket that counts as certified."""
 
 
-_N = _Numbers()
+_TOLERANCES = _Tolerances()
 
 
-_Bound = tuple[float, bool, float, float]
+class _Bound(NamedTuple):
+    """One end of a bracket.
 
-
-class Opened(NamedTuple):
-    """A mechanism that the flow rule allows, or as near to it as is known.
-
-    ``rates`` (free blocks, 6) dissipate at most ``dissipation``. What was given lacks ``missing``
-    of opening in all contacts, ``violation`` in one at most.
+    ``errors`` are what the forces or the mechanism violated before repair. For a lower bound they
+    are the residual of equilibrium and the yield excess, both over the total load; for an upper
+    bound the largest missing opening of a contact, over the largest rate, and the sum of all.
     """
 
-    rates: FloatArray
-    dissipation: float
-    is_allowed: bool
-    missing: float
-    violation: float
+    value: float
+    is_proved: bool = False
+    errors: tuple[float, float] = (np.nan, np.nan)
+
+
+_NO_LOWER, _NO_UPPER = _Bound(-np.inf), _Bound(np.inf)
 
 
 class Certifier:
     """Certifies forces and mechanisms of one scene under given surfaces.
 
-    *Lower bound.* The forces x at load factor alpha are first brought into exact equilibrium (the
-    least change). If they then exceed a yield function by y, and the dead-load state x_d (exactly
+    *Lower bound.* The forces x at load factor alpha are first brought into exact equilibrium by the
+    least change. If they then exceed a yield function by y, and the dead-load state x_d (exactly
     in equilibrium, strictly inside) keeps a reserve m there, the mixture (1 - t) x + t x_d with
     t = max y / (y + m) is admissible, so (1 - t) alpha is a lower bound. Where the dead load stands
     only together with a part of the live load, x_d carries a factor alpha_d of its own, and
     (1 - t) alpha + t alpha_d is the bound.
 
-    *Upper bound.* The mechanism u, scaled to live power 1, misses openings s at contacts. If a
-    field u_0 opens every contact with r to spare, u + t u_0 with t = max s / r is admissible,
-    and the ratio of dead to live power bounds the load factor. Surfaces with constants (cohesion)
-    add their dissipation to the dead load's power.
+    *Upper bound.* The mechanism u, scaled to live power 1, lacks the openings s at contacts. If a
+    field u_0 opens every contact by r more than the flow rule asks for, u + t u_0 with
+    t = max s / r is admissible, and the ratio of dead to live power bounds the load factor.
+    Surfaces with constants (cohesion) add their dissipation to the dead load's power.
 
-    Where x_d or u_0 do not exist (a dead load about to fall; blocks wedged between supports),
-    the violations are weighted by :data:`REFERENCE` forces and rates, and the certificate says
-    that the bound rests on that assumption. Where they do exist the proof is never given up for
-    a tighter bound with the assumption, which a pebble on a boulder breaks.
+    The dead-load state x_d and the opening field u_0 come from :class:`Witnesses`. Where they do
+    not exist (a dead load about to fall; blocks wedged between supports), the violations are
+    weighted by :data:`REFERENCE` forces and rates, and the certificate says that the bound rests on
+    that assumption. Where they exist, a proved bound is not given up for a tighter assumed one: a
+    pebble on a boulder breaks the assumption.
 
-    ``formulation`` matters where it states conditions of its own: forces are then its internal
-    ones. ``flow`` replaces the flow rule in upper bounds; any sublinear shortfall does. Where the
-    bracket is wider than the relative ``width`` that is wanted, the lower bound is sought without
-    the contacts that carry next to nothing as well.
+    Parameters
+    ----------
+    scene : Scene or Assemblage
+    surfaces : sequence of YieldSurface
+    formulation : Formulation
+        If it states conditions of its own, states x are its internal forces.
+    flow : ContactFlow or None
+        Replaces the flow rule of the surfaces in upper bounds; its shortfall must be sublinear.
+    width : float
+        Relative width of bracket that is wanted. Where the bracket is wider, a lower bound is also
+        sought with the contacts left out that carry next to nothing.
     """
 
     def __init__(
@@ -120,7 +139,7 @@ class Certifier:
         self.size = self.statics.contacts.typical_size
 
     def with_flow(self, flow: Flow) -> Certifier:
-        """The same under another flow rule; reference states are kept, not sought again."""
+        """Returns a certifier under another flow rule, with the reference states of this one."""
         result = copy(self)
         result.strength = copy(self.strength)
         result.strength.flow = flow
@@ -130,23 +149,24 @@ class Certifier:
         return result
 
     def start_from(self, before: Certifier) -> None:
-        """Take over reference states of the same blocks under other strengths and loads, as far as
-        they still prove anything: seeking them takes half of a certificate's time."""
+        """Take over the reference states of the same blocks under other strengths and loads, as far
+        as they are still valid here: seeking them takes half of a certificate's time."""
         dead, field = before.witnesses.known_dead_state, before.witnesses.known_opening_field
         if dead is not None:
-            is_same = np.array_equal(self.statics.dead, before.statics.dead)  # and balanced already
+            # under an equal dead load the state is in equilibrium already
+            is_same = np.array_equal(self.statics.dead, before.statics.dead)
             balanced = dead if is_same else self.strength.balanced(dead, 0.0, self.statics)
             is_sound = np.isfinite(balanced).all() and self.is_balanced(balanced, 0.0)
             if is_sound and self._reserve(balanced) > 0.0:
                 self.witnesses.dead_state = balanced
-        self.witnesses.borrowed_field = field  # whether it opens here is checked where it is used
+        self.witnesses.borrowed_field = field  # checked wherever it is used
 
     def offer_dead_state(self, forces: ArrayLike, factor: float = 0.0) -> bool:
-        """True if forces (n, 6) carry the dead load strictly inside; the best so far are kept.
+        """Offer contact forces (n, 6) as the dead-load state; returns True if they prove to be one.
 
-        They are not trusted: they are put into equilibrium, and must be inside after that. Where
-        they carry ``factor`` times the live load besides, this factor is put into balance with them
-        and replaces whatever was known.
+        They are put into equilibrium first, and must be strictly inside all surfaces after that.
+        They replace the present state only if they have more reserve. Forces that carry ``factor``
+        times the live load besides always replace it; the factor is first made to balance them.
 
         Raises
         ------
@@ -168,7 +188,8 @@ class Certifier:
         return reserve > 0.0
 
     def offer_opening_field(self, rates: ArrayLike) -> bool:
-        """True if block rates (free, 6) open every contact; then they are kept.
+        """Offer block rates (free blocks, 6) as the opening field; returns True, and keeps them, if
+        they open every contact.
 
         Raises
         ------
@@ -176,33 +197,24 @@ class Certifier:
             If there is not one row per free block.
         """
         given = self._rates(rates)
-        opens = given is not None and bool(self._spare_opening(given).min() > 0.0)
+        opens = given is not None and bool(spare_opening(self.strength, given).min() > 0.0)
         if opens:
             self.witnesses.opening_field = given
         return opens
 
-    def _spare_opening(self, rates: FloatArray) -> FloatArray:
-        """What rates open contacts more than the flow rule asks for, (n,), less rounding.
-
-        Nothing is spare where no surface resists some of the slip.
-        """
-        found = self.strength.flow.opened(self.statics.relative_rates(rates))
-        spare: FloatArray = -found.missing - self._rounding(rates)
-        return np.where(_is_resisted(found.unresisted, rates), spare, -np.inf)
-
-    def _reserve(self, forces: FloatArray) -> float:
-        """Least distance from yield, as a force; negative outside."""
-        found = np.concatenate(self.strength.excess(forces))
-        return -float(found.max(initial=-np.inf, where=found != -NOTHING))
+    def _reserve(self, state: FloatArray) -> float:
+        """Returns the least distance of a state from yield, as a force; negative outside."""
+        excess = np.concatenate(self.strength.excess(state))
+        return -float(excess.max(initial=-np.inf, where=excess != -NOTHING))
 
     def certificate(
         self, forces: ArrayLike | None, load_factor: float | None, mechanism: ArrayLike | None
     ) -> Certificate:
-        """The bracket from forces (n, 6) at ``load_factor`` and a mechanism (free blocks, 6).
+        """Returns the bracket that contact forces (n, 6) at ``load_factor`` and a mechanism
+        (free blocks, 6) prove.
 
-        Forces are internal ones (p,) where the formulation states conditions of its own. Either
-        side may be None: its bound is then infinite. Numbers that are not finite give infinite
-        bounds as well.
+        Forces are internal ones (p,) where the formulation states conditions of its own. A side
+        that is None, or not finite, has an infinite bound.
 
         Raises
         ------
@@ -211,41 +223,44 @@ class Certifier:
         """
         x = self.strength.state(forces)
         u = self._rates(mechanism)
-        lower: _Bound = (-np.inf, False, np.nan, np.nan)
-        upper: _Bound = (np.inf, False, np.nan, np.nan)
+        lower, upper = _NO_LOWER, _NO_UPPER
         rate = self._largest_rate(u) if u is not None else np.inf
+        # The upper bound: of the mechanism as it is, or with blocks glued that do not part.
         if u is not None:
             upper = self._upper(u, self._largest_force(x), rate)
-            if not upper[1] or self.statics.contacts.friction.max() > _N.gripping:
-                for share in _N.stuck:
+            if not upper.is_proved or self.statics.contacts.friction.max() > _TOLERANCES.gripping:
+                for share in _TOLERANCES.stuck:
                     upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
-                if not upper[1]:
-                    upper = _better(upper, self._upper_as_glued(u, x, _N.loose), -1.0)
+                if not upper.is_proved:
+                    share = _TOLERANCES.loosely_stuck
+                    upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
+        # The lower bound: of all contacts, or without those that carry next to nothing.
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
             lower = self._lower(x, load_factor, rate, u)
-            end = upper[0] if np.isfinite(upper[0]) else load_factor
-            if not lower[1] or end - lower[0] > self._width * abs(end):
+            end = upper.value if np.isfinite(upper.value) else load_factor
+            if not lower.is_proved or end - lower.value > self._width * abs(end):
                 lower = _better(lower, self._lower_without_idle(x, load_factor, rate, u), 1.0)
         return Certificate(
-            lower[0], upper[0], lower[1], upper[1], self.assemblage.scaling.least,
-            lower[2], lower[3], upper[2], upper[3],
+            lower.value, upper.value, lower.is_proved, upper.is_proved,
+            self.assemblage.scaling.least, *lower.errors, *upper.errors,
         )  # fmt: skip
 
     def of(self, state: LimitState) -> Certificate:
-        """The bracket of a solver's answer."""
+        """Returns the bracket of a solver's answer."""
         return self.certificate(self.given(state), state.load_factor, state.mechanism)
 
     def given(self, state: LimitState) -> FloatArray | None:
-        """The forces of a solver's answer, in the form that is checked."""
+        """Returns the forces of a solver's answer as the state x that is checked."""
         return state.internal if self.strength.is_internal else state.forces
 
     def residuals(self, x: FloatArray, alpha: float) -> tuple[float, float]:
-        """Largest residual of equilibrium and yield excess of a state, over the total load."""
+        """Returns the largest residual of equilibrium and the largest yield excess of a state, both
+        over the total load."""
         load = self._total_load(alpha)
-        rest = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
+        residual = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
         excess = max(0.0, *(float(y.max()) for y in self.strength.excess(x)))
-        return float(rest.max()) / load, excess / load
+        return float(residual.max()) / load, excess / load
 
     def _rates(self, mechanism: ArrayLike | None) -> FloatArray | None:
         if isinstance(mechanism, np.ndarray) and mechanism.size == len(self.statics.dead):
@@ -255,155 +270,142 @@ class Certifier:
     def _lower(
         self, x: FloatArray, alpha: float, rate: float, u: FloatArray | None = None
     ) -> _Bound:
-        residual, excess = self.residuals(x, alpha)
+        """Returns the lower bound of a state x at alpha; ``rate`` is the largest that is assumed of
+        a mechanism where nothing is proved, ``u`` the mechanism at collapse."""
+        errors = self.residuals(x, alpha)
         x = self.strength.balanced(x, alpha, self.statics)
         if not np.isfinite(x).all():
-            return -np.inf, False, residual, excess
-        # without a reserve what is left over is weighted by the largest rate there may be
-        rest = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size).sum()
-        found = self.strength.excess(x)
-        over = sum(float(np.maximum(y, 0.0).sum()) for y in found)
-        error = (rest + over) * REFERENCE * rate if rest + over > 0.0 else 0.0
+            return _Bound(-np.inf, False, errors)
+
+        # Without a dead-load state, what is violated is weighted by the largest rate.
+        forces = self.strength.forces(x)
+        residual = block_sizes(self.statics.residual(forces, alpha), self.size).sum()
+        excess = self.strength.excess(x)
+        total_excess = sum(float(np.maximum(y, 0.0).sum()) for y in excess)
+        violated = residual + total_excess
+        error = violated * REFERENCE * rate if violated > 0.0 else 0.0
         assumed = alpha - error if np.isfinite(error) else -np.inf
-        reserve, known = self.witnesses.dead_state, self.witnesses.factor
+        dead_state, dead_factor = self.witnesses.dead_state, self.witnesses.factor
         is_balanced = self.is_balanced(x, alpha)
-        if reserve is None or not (is_balanced and self.is_balanced(reserve, known)):
-            return assumed, False, residual, excess
-        # so much of the reserve brings the mixture inside all surfaces
+        if dead_state is None or not (is_balanced and self.is_balanced(dead_state, dead_factor)):
+            return _Bound(assumed, False, errors)
+
+        # The least share t of the dead-load state that brings the mixture inside all surfaces.
         share = 0.0
-        for y, inside in zip(found, self.strength.excess(reserve), strict=True):
+        for y, y_dead in zip(excess, self.strength.excess(dead_state), strict=True):
             beyond = np.maximum(y, 0.0)
-            share = max(share, float((beyond / (beyond - inside)).max()))
-        lower = alpha + share * (known - alpha)
-        # The load factor that residuals of the mixture which count as rounding may carry: what they
-        # do in a mechanism, which is how fast the largest load factor changes with loads.
+            share = max(share, float((beyond / (beyond - y_dead)).max()))
+        lower = alpha + share * (dead_factor - alpha)
+
+        # Residuals of the mixture that count as rounding may carry some of the load factor: their
+        # power in the mechanism, which is how fast the largest load factor changes with loads.
         hidden, live = 0.0, 0.0 if u is None else float(self.statics.live @ u.ravel())
         if u is not None and live > 0.0:
-            forces = self.strength.forces(x + share * (reserve - x))
-            idle = block_sizes(self.statics.residual(forces, lower), self.size)
-            idle += EPSILON * self.statics.acting(forces, lower, self.size)
-            hidden = float(idle @ block_sizes(u, 1.0 / self.size)) / live
-        lower = max(known, lower - hidden) if lower > known else lower - hidden
-        if self.strength.balance.held is not None:  # no reserve takes up what nothing resists
-            lower = max(known, lower - _N.unresisted * self.assemblage.scaling.ratio)
-        return lower, True, residual, excess
+            forces = self.strength.forces(x + share * (dead_state - x))
+            unbalanced = block_sizes(self.statics.residual(forces, lower), self.size)
+            unbalanced += EPSILON * self.statics.acting(forces, lower, self.size)
+            hidden = float(unbalanced @ block_sizes(u, 1.0 / self.size)) / live
+        lower = max(dead_factor, lower - hidden) if lower > dead_factor else lower - hidden
+        if self.strength.balance.held is not None:  # no reserve absorbs what nothing resists
+            unresisted = _TOLERANCES.unresisted * self.assemblage.scaling.ratio
+            lower = max(dead_factor, lower - unresisted)
+        return _Bound(lower, True, errors)
 
     def _lower_without_idle(
         self, x: FloatArray, alpha: float, rate: float, u: FloatArray | None
     ) -> _Bound:
-        can = self._can_reduce and self._flow is None and not self.strength.is_internal
-        share = EPSILON**0.5  # half the digits; a bound with fewer contacts is one with all of them
-        given = without_idle(self.assemblage, x, share) if can else None
-        smaller = None if given is None else self._of_less(given[0])
-        if given is None or smaller is None:
-            return -np.inf, False, np.nan, np.nan
+        """Returns the lower bound with the contacts left out that carry next to nothing: forces
+        that are admissible without some contacts are admissible with them."""
+        can_reduce = self._can_reduce and self._flow is None and not self.strength.is_internal
+        share = EPSILON**0.5  # of the largest force: half the digits of a number
+        reduced = without_idle(self.assemblage, x, share) if can_reduce else None
+        if reduced is None:
+            return _NO_LOWER
+        part, forces = reduced
+        certifier = self._of_part(part)
+        if certifier is None:
+            return _NO_LOWER
         if u is not None:
-            u = u[np.sort(self.statics.row_of_block[given[0].statics.row_of_block >= 0])]
-        return smaller._lower(given[1], alpha, rate, u)
+            u = u[np.sort(self.statics.row_of_block[part.statics.row_of_block >= 0])]
+        return certifier._lower(forces, alpha, rate, u)
 
-    def _of_less(self, less: Assemblage, contacts: IntArray | None = None) -> Certifier | None:
+    def _of_part(self, part: Assemblage, contacts: IntArray | None = None) -> Certifier | None:
+        """Returns a certifier of a part of the assemblage, with these ``contacts`` (k,) of it; None
+        if the surfaces cannot be stated there."""
         flow = None if self._flow is None or contacts is None else self._flow.of(contacts)
         try:
-            result = Certifier(less, self.surfaces, self.formulation, flow)
+            result = Certifier(part, self.surfaces, self.formulation, flow)
         except (ModelError, ValueError):
             return None
         result.size, result._can_reduce = self.size, False
         return result
 
     def _largest_force(self, x: FloatArray | None, contacts: IntArray | None = None) -> float:
-        """Returns the largest force at some contacts (k,), or all: blocks that wedge each other may
-        press with far more than the loads, and it shows."""
+        """Returns the largest force at some contacts (k,), or at all. Blocks that wedge each other
+        may press with far more than the loads, so that loads alone do not limit forces."""
         if x is None:
             return 0.0
         sizes = block_sizes(self.strength.forces(x), self.size)
         return float((sizes if contacts is None else sizes[contacts]).max(initial=0.0))
 
     def _upper_as_glued(self, u: FloatArray, x: FloatArray | None, share: float) -> _Bound:
-        """The bound of the same mechanism with blocks glued that hardly move against each other.
+        """Returns the upper bound of the mechanism with blocks glued that it moves apart by less
+        than a ``share`` of its largest rate.
 
         A mechanism of blocks glued together is one of the blocks themselves, so its bound holds
-        for them. The contacts inside drop out, and with them what rounding makes of their slips,
-        and whatever wedges their blocks: what is left can often be opened where the whole cannot.
+        for them. The contacts inside drop out, and with them slips that are rounding, and whatever
+        wedges their blocks: the rest can often be opened where the whole cannot.
         """
-        given = glued(self.assemblage, u, share) if self._can_reduce else None
-        smaller = None if given is None else self._of_less(given[0], given[2])
-        if given is None or smaller is None:
-            return np.inf, False, np.nan, np.nan
-        _, rates, contacts = given
+        reduced = glued(self.assemblage, u, share) if self._can_reduce else None
+        if reduced is None:
+            return _NO_UPPER
+        bodies, rates, contacts = reduced
+        certifier = self._of_part(bodies, contacts)
+        if certifier is None:
+            return _NO_UPPER
         force = self._largest_force(x, contacts)
-        return smaller._upper(rates, force, smaller._largest_rate(rates))
+        return certifier._upper(rates, force, certifier._largest_rate(rates))
 
-    def _upper(self, u: FloatArray, force: float, largest: float) -> _Bound:
+    def _upper(self, u: FloatArray, largest_force: float, largest_rate: float) -> _Bound:
+        """Returns the upper bound of a mechanism u. ``largest_force`` is that of the forces at
+        collapse, ``largest_rate`` that of u at live power 1."""
         live = float(self.statics.live @ u.ravel())
         if not live > 0.0:
-            return np.inf, False, np.nan, np.nan
+            return _NO_UPPER
         u = u / live
         opened = self.opened(u)
-        violation, missing = opened.violation / largest, opened.missing
-        dissipation = opened.dissipation
-        # what is missing is weighted by the largest force there may be, unless it can be opened
+        errors, dissipation = (opened.violation / largest_rate, opened.missing), opened.dissipation
+
+        # A mechanism that cannot be opened: missing openings are weighted by the largest force.
         if not opened.is_allowed:
             bound = dissipation - float(self.statics.dead @ u.ravel())
-            force = REFERENCE * max(self._total_load(bound), force)
-            return bound + missing * force, False, violation, missing
-        # what dissipation and dead load take of the live power, and what rounding may hide
+            force = REFERENCE * max(self._total_load(bound), largest_force)
+            return _Bound(bound + opened.missing * force, False, errors)
+
+        # The power of dissipation and dead load over that of the live load, and its rounding.
         u = opened.rates.ravel()
         live = float(self.statics.live @ u)
         live_error, dead_error = (
             EPSILON * float(np.abs(f) @ np.abs(u)) for f in (self.statics.live, self.statics.dead)
         )
         if not live > 2.0 * live_error:
-            return np.inf, False, violation, missing
+            return _Bound(np.inf, False, errors)
         bound = (dissipation - float(self.statics.dead @ u)) / live
         error = dead_error + EPSILON * abs(dissipation) + abs(bound) * live_error
-        return bound + error / live, True, violation, missing
+        return _Bound(bound + error / live, True, errors)
 
     def opened(
         self, mechanism: FloatArray, own: tuple[FloatArray, FloatArray] | None = None
-    ) -> Opened:
-        """A mechanism (free blocks, 6) with its contacts opened until the flow rule allows it.
-
-        As it is where no field is known that opens every contact. ``own`` are rates (n, 6) of
-        contacts that no block rates make, as limits of one's own do, and the sizes (n, 6) of what
-        they are sums of.
-        """
-        relative, rounding = self.statics.relative_rates(mechanism), self._rounding(mechanism)
-        sizes = mechanism.ravel()
-        if own is not None:
-            relative, sizes = relative + own[0], np.append(sizes, own[1])
-            rounding = rounding + EPSILON * (own[1] * self.strength.rate_sizes).sum(axis=1)
-        found = self.strength.flow.shortfall(relative)
-        missing = found.missing + rounding
-        # a field that opens every contact, and its share that makes up for what is missing
-        field, share = None, 0.0
-        asks = missing > 0.0  # a contact without any state misses -inf and has inf to spare
-        if not asks.any():
-            field = np.zeros((len(self.statics.dead) // DOF, DOF))
-        for known in self.witnesses.opening_fields() if field is None else ():
-            spare = self._spare_opening(known)
-            if spare.min() > 0.0:
-                field, share = known, float(np.max(missing[asks] / spare[asks], initial=0.0))
-                break
-        is_allowed = field is not None and _is_resisted(found.unresisted, sizes)
-        rates, dissipation = mechanism, found.dissipation
-        if field is not None and is_allowed:
-            rates = mechanism + share * field
-            if share > 0.0 and not self.strength.is_cone:
-                opened = self.strength.flow.opened(self.statics.relative_rates(field))
-                dissipation += share * opened.dissipation
-        lacks = float(np.maximum(missing, 0.0).sum() + np.abs(found.unresisted).sum())
-        return Opened(rates, dissipation, is_allowed, lacks, max(float(missing.max()), 0.0))
-
-    def _rounding(self, u: FloatArray) -> FloatArray:
-        """What rounding may hide in the openings (n,) of rates u: a bound must not rest on it."""
-        size = (self.statics.sizes.T @ np.abs(u).ravel()).reshape(-1, DOF)
-        return np.asarray(EPSILON * (size * self.strength.rate_sizes).sum(axis=1))
+    ) -> OpenedMechanism:
+        """Returns :func:`~cvxlimit.proof.opening.open_mechanism` with this certifier's fields."""
+        return open_mechanism(self.strength, self.witnesses, mechanism, own)
 
     def is_balanced(self, state: FloatArray, alpha: float) -> bool:
-        """True if the state balances the loads at ``alpha`` up to rounding."""
+        """Returns True if a state balances the loads at ``alpha`` up to rounding."""
         return self.statics.is_balanced(self.strength.forces(state), alpha, self.size)
 
     def _total_load(self, alpha: float) -> float:
+        """Returns the sum of the sizes of all loads at ``alpha``; the live load's if that is 0."""
         dead, live = (
             float(block_sizes(f.reshape(-1, DOF), self.size).sum())
             for f in (self.statics.dead, self.statics.live)
@@ -411,6 +413,7 @@ class Certifier:
         return dead + abs(alpha) * live or live
 
     def _largest_rate(self, mechanism: FloatArray) -> float:
+        """Returns the largest rate of a block or corner opening at live power 1."""
         live = float(self.statics.live @ mechanism.ravel())
         if not live > 0.0:
             return np.inf
@@ -421,14 +424,10 @@ class Certifier:
 
 
 def _better(first: _Bound, second: _Bound, sign: float) -> _Bound:
-    """The better one (larger times ``sign``); the second also if proved at little cost."""
-    gain = sign * (second[0] - first[0])
-    if first[1] == second[1]:
+    """Returns the better of two bounds: ``sign`` is 1.0 for lower bounds, -1.0 for upper ones. A
+    second bound that is proved is better at little cost where the first one is not."""
+    gain = sign * (second.value - first.value)
+    if first.is_proved == second.is_proved:
         return second if gain > 0.0 else first
-    price = _N.price * abs(first[0]) if np.isfinite(first[0]) else 0.0
-    return second if second[1] and gain >= -price else first
-
-
-def _is_resisted(unresisted: FloatArray, rates: FloatArray) -> bool:
-    """True if yield surfaces take up all slip and twist of block ``rates``, up to rounding."""
-    return not np.abs(unresisted).max(initial=0.0) > 1e-15 * np.abs(rates).max()
+    cost = _TOLERANCES.cost_of_proof * abs(first.value) if np.isfinite(first.value) else 0.0
+    return second if second.is_proved and gain >= -cost else first

@@ -1,8 +1,8 @@
-"""Less of an assemblage: blocks that move as one made one, contacts without force left out.
+"""Smaller assemblages on which a bound of the whole can be proved.
 
-What a mechanism proves of blocks glued together it proves of the blocks, and what forces prove
-without some contacts they prove with them. Bounds that the whole does not let go without an
-assumption are often plain there.
+Blocks that move as one are glued into one body: what a mechanism of the bodies proves, it proves
+for the blocks. Contacts that carry next to nothing are left out: what forces prove without them,
+they prove with them. Bounds that rest on an assumption for the whole are often proved there.
 """
 
 from __future__ import annotations
@@ -21,38 +21,45 @@ from cvxlimit.model.statics import DOF, Statics
 def glued(
     assemblage: Assemblage, mechanism: FloatArray, share: float
 ) -> tuple[Assemblage, FloatArray, IntArray] | None:
-    """Returns the mechanics with blocks glued that a mechanism (free, 6) moves apart by less than a
-    ``share`` of the largest rate; the rates (bodies, 6) of each body's first block; the contacts
-    (k,) left. None if nothing is glued, or all to the supports, and with ties or guides: they are
-    no contacts."""
+    """Returns the assemblage of the bodies that arise when blocks are glued which a mechanism
+    (free blocks, 6) moves apart by less than a ``share`` of its largest rate; the rates (bodies, 6)
+    of each body's first block; and the contacts (k,) between bodies.
+
+    Returns None if nothing is glued, or everything to the supports, and for scenes with ties or
+    guides, which are no contacts.
+    """
     statics = assemblage.statics
     if statics.guide is not None or assemblage.scene.ties:
         return None
+    # the body of each block: 0 is that of the supports
     body = _bodies(statics, mechanism, share)
-    number = np.where(statics.row_of_block < 0, 0, body[statics.row_of_block + 1])
-    moving = np.flatnonzero(number[statics.contacts.a] != number[statics.contacts.b])
+    body_of_block = np.where(statics.row_of_block < 0, 0, body[statics.row_of_block + 1])
+    a, b = statics.contacts.a, statics.contacts.b
+    moving = np.flatnonzero(body_of_block[a] != body_of_block[b])
     if not len(moving) or len(moving) == len(statics.contacts):
         return None
     first = np.unique(body, return_index=True)[1][1:] - 1  # a free block of each body
     centre = statics.centroids[statics.row_of_block >= 0]
     origin = np.vstack([np.zeros(3), centre[first]])
-    whole = Statics(
+    bodies = Statics(
         contacts=statics.contacts.take(moving),
-        centroids=np.where(number[:, None] > 0, origin[number], statics.centroids),
-        row_of_block=number - 1,
+        centroids=np.where(body_of_block[:, None] > 0, origin[body_of_block], statics.centroids),
+        row_of_block=body_of_block - 1,
         dead=_moved(statics.dead, body[1:], centre, origin),
         live=_moved(statics.live, body[1:], centre, origin),
     )
-    return assemblage.of_less(whole), mechanism[first], moving
+    return assemblage.of_less(bodies), mechanism[first], moving
 
 
 def without_idle(
     assemblage: Assemblage, forces: FloatArray, share: float
 ) -> tuple[Assemblage, FloatArray] | None:
-    """Returns the mechanics without contacts whose forces (n, 6) are below ``share`` of the
-    largest, and blocks that none touches any more; and the others' forces. None if no contact is
-    left out, if some blocks then lack any support, as one that bears a load would, and with ties or
-    guides."""
+    """Returns the assemblage without the contacts whose forces (n, 6) are below a ``share`` of the
+    largest and without blocks that no contact touches any more, and the forces that are left.
+
+    Returns None if no contact is left out, if some block would lack any support, as one that bears
+    a load would, and for scenes with ties or guides.
+    """
     statics = assemblage.statics
     if statics.guide is not None or assemblage.scene.ties:
         return None
@@ -68,7 +75,8 @@ def without_idle(
 
 
 def with_contacts(assemblage: Assemblage, kept: IntArray, blocks: BoolArray) -> Assemblage:
-    """Some contacts only (k,), and the free blocks that they touch or that are named (free,)."""
+    """Returns the assemblage of the contacts ``kept`` (k,) alone, with the free blocks that these
+    touch or for which ``blocks`` (free blocks,) is True."""
     statics = assemblage.statics
     contacts, number = statics.contacts.take(kept), statics.row_of_block
     rows = np.concatenate([number[contacts.a], number[contacts.b]])
@@ -87,10 +95,12 @@ def with_contacts(assemblage: Assemblage, kept: IntArray, blocks: BoolArray) -> 
 
 
 def _bodies(statics: Statics, mechanism: FloatArray, share: float) -> IntArray:
+    """Returns the number of the body (1 + free blocks,) that the supports, as one, and each free
+    block belong to."""
     contacts = statics.contacts
     reach = np.repeat([1.0, float(np.abs(contacts.corner_xy).max())], 3)
-    against = np.abs(statics.relative_rates(mechanism) * reach).max(axis=1)
-    stuck = against <= share * np.abs(mechanism * reach).max()
+    apart = np.abs(statics.relative_rates(mechanism) * reach).max(axis=1)
+    stuck = apart <= share * np.abs(mechanism * reach).max()
     row = np.where(statics.row_of_block < 0, 0, statics.row_of_block + 1)
     ends = row[contacts.a][stuck], row[contacts.b][stuck]
     count = len(mechanism) + 1
@@ -99,6 +109,8 @@ def _bodies(statics: Statics, mechanism: FloatArray, share: float) -> IntArray:
 
 
 def _moved(load: FloatArray, body: IntArray, centre: FloatArray, origin: FloatArray) -> FloatArray:
+    """Returns the loads (6 bodies,) on bodies, about their ``origin``, from those on blocks, about
+    their ``centre``."""
     each = load.reshape(-1, DOF).copy()
     each[:, 3:] += np.cross(centre - origin[body], each[:, :3])
     total = np.zeros((len(origin), DOF))

@@ -1,8 +1,13 @@
 """Strictly feasible (Slater) states, which turn nearly exact answers into proved bounds.
 
-Forces strictly inside all surfaces that balance the dead load prove that it stands, and absorb
-small yield excess; rates that strictly open every contact absorb small violations of the flow rule.
-Both are found by alternating projections with one sparse factorisation; who uses them checks them.
+- A *dead state*: forces strictly inside all surfaces that balance the dead load. It proves that the
+  dead load stands, and a share of it mixed into other forces absorbs small yield excess.
+- An *opening field*: block rates (free blocks, 6) that open every contact by more than the flow
+  rule asks for. A share of it added to a mechanism absorbs small violations of the flow rule.
+
+Both are found by alternating projections with one sparse factorisation, and are checked by whoever
+uses them. The projections work on the internal forces z (p,) of ``Balance.model``: compressions at
+the corners of contacts, shear and torsion.
 """
 
 from __future__ import annotations
@@ -21,69 +26,74 @@ from cvxlimit.proof.strength import NOTHING, Strength
 
 
 @dataclass(frozen=True)
-class _Numbers:
-    """What each number is for, and where it was measured."""
+class _Settings:
+    """The chosen figures of the projections, each with its reason."""
 
     overshoot: float = 1.9
-    """Relaxation of the alternating projections, between 1 and 2: a dead state of the tuff wall
-    takes 16 iterations with 1.9 and 20 with 1.0."""
+    """Factor on each step of the alternating projections, between 1 and 2: a dead state of the tuff
+    wall takes 16 iterations with 1.9 and 20 with 1.0."""
     memory: int = 3
-    """Steps that are combined with the last one (:class:`_Accelerated`): a dead state of the tuff
-    wall takes 16 iterations with 3, 23 with 2 and 40 with none, an arch 4 in place of 28."""
+    """Steps that are combined with the last one (:class:`_AndersonAcceleration`): a dead state of
+    the tuff wall takes 16 iterations with 3, 23 with 2 and 40 with none, an arch 4 in place of
+    28."""
     parallel: float = 1e-12
-    """Steps that differ by the root of this, relatively, count as one."""
+    """Steps whose relative difference is below the root of this count as one step."""
     spare: float = 0.2
-    """Share of the yield function's range that a dead-load state is to keep in reserve: with 0.1
-    states end so near the surfaces that friction of 1e-6 to 1e6 costs 2e-5 of the load factor."""
+    """Share of the yield function's range that a dead state is to keep in reserve: with 0.1 states
+    end so near the surfaces that friction of 1e-6 to 1e6 costs 2e-5 of the load factor."""
     opening_iterations: int = 50
-    """Opening fields aim at rates of 1; with as much to spare and relaxed so, projections take half
-    the iterations of plain ones. Where they do not end, a solver does
-    (:func:`~cvxlimit.model.statement.largest_self_stress`)."""
+    """Most iterations for an opening field. They aim at opening rates of 1 with ``spare`` more, and
+    with this and ``overshoot`` take half the iterations of plain projections. Where they find no
+    field, a solver is asked (:func:`~cvxlimit.model.statement.largest_self_stress`)."""
     attempts: tuple[tuple[float, int], ...] = ((0.1, 60), (0.1, 100), (0.01, 100), (0.0001, 60))
-    """Least corner compression, as a share of what the lighter of the two blocks would give if its
-    load were spread over its contacts, and iterations allowed for it. The first is the easy one."""
-    few: int = 25
-    """Iterations of the first attempt on the smallest scenes, and one more for every four contacts:
-    beyond, Clarabel has carried the dead load of an arch before projections do."""
+    """Attempts at a dead state, in order: the least corner compression, as a share of a fair one
+    (:meth:`Witnesses._fair_compressions`), and the iterations allowed. The first is the easy
+    one."""
+    least_iterations: int = 25
+    """Iterations of the first attempt on the smallest scenes, and one more for every four contacts.
+    With more, Clarabel would have carried the dead load of an arch before projections do."""
     patience: int = 8
     """The first attempt ends where so many iterations leave more than half of what was missing: on
-    a flying buttress, whose stones never come to rest so, a solver needs no longer than eight."""
+    a flying buttress, whose stones do not come to rest by projections, a solver needs no longer."""
     most_states: int = 100
-    """States that scenes of one geometry share: 50 kB each with 1,000 contacts."""
+    """States kept for scenes of one geometry: each takes 50 kB with 1,000 contacts."""
 
 
-_N = _Numbers()
+_SETTINGS = _Settings()
 
 
-class _Accelerated:
-    """Alternating projections x -> g(x) by Anderson's acceleration: the next x is the combination
-    of the last images g whose steps g - x cancel best (D. G. Anderson, Iterative procedures for
-    nonlinear integral equations, 1965). Shares add up to one, so that images in equilibrium with a
-    load have combinations that are.
+class _AndersonAcceleration:
+    """Anderson's acceleration of a fixed-point iteration z -> g(z): the next z is the combination
+    of the last images g(z) whose steps g(z) - z cancel best (D. G. Anderson, Iterative procedures
+    for nonlinear integral equations, 1965). The weights of the combination add up to one, so that
+    it is in equilibrium with a load if all images are.
     """
 
     def __init__(self) -> None:
-        self.before = list[tuple[FloatArray, FloatArray]]()
+        self.history = list[tuple[FloatArray, FloatArray]]()  # images and steps, oldest first
 
-    def next(self, x: FloatArray, image: FloatArray) -> FloatArray:
-        step, before = image - x, self.before
-        self.before = [*before[1 - _N.memory :], (image, step)]
-        if not before:
+    def next(self, z: FloatArray, image: FloatArray) -> FloatArray:
+        """Returns the z (p,) that follows from the present one and its image g(z)."""
+        step, history = image - z, self.history
+        self.history = [*history[1 - _SETTINGS.memory :], (image, step)]
+        if not history:
             return image
-        change = np.stack([other - step for _, other in before])
-        square = change @ change.T
-        square[np.diag_indices(len(before))] += _N.parallel * square.trace() + NOTHING
-        share = np.linalg.solve(square, -change @ step)
-        return image + share @ np.stack([other - image for other, _ in before])
+        change = np.stack([other - step for _, other in history])
+        normal = change @ change.T
+        normal[np.diag_indices(len(history))] += _SETTINGS.parallel * normal.trace() + NOTHING
+        weights = np.linalg.solve(normal, -change @ step)
+        return image + weights @ np.stack([other - image for other, _ in history])
 
 
 class Witnesses:
-    """Reference states of one assemblage under its dead load.
+    """The dead state and the opening field of one assemblage, sought when they are asked for.
 
-    The dead state carries ``factor`` times the live load besides: nothing, unless the dead load
-    does not stand alone.
+    The dead state carries the dead load and ``factor`` times the live load; ``factor`` is 0.0
+    unless the dead load stands only with a part of the live load. ``borrowed_field`` is an opening
+    field of another assemblage with the same blocks, tried first.
 
-    Projections know plain corner compressions only; other states come from a solver or not at all.
+    Projections work for corner compressions only. Where a formulation has internal forces of its
+    own, states have to be offered from outside.
     """
 
     def __init__(self, assemblage: Assemblage, strength: Strength) -> None:
@@ -94,14 +104,14 @@ class Witnesses:
         self._dead_state: FloatArray | None = None
         self.borrowed_field: FloatArray | None = None
         self.factor = 0.0
-        self._attempted = 0
+        self._attempts_made = 0
         rates, dead = self._balance.rates, self.statics.dead
         self._dead = dead if rates is None else np.asarray(rates @ dead)
 
     @property
     def dead_state(self) -> FloatArray | None:
         """A state that carries the dead load strictly inside all surfaces, or None."""
-        return self._sought(len(_N.attempts))
+        return self._find_within(len(_SETTINGS.attempts))
 
     @dead_state.setter
     def dead_state(self, forces: FloatArray) -> None:
@@ -109,17 +119,17 @@ class Witnesses:
 
     @property
     def known_dead_state(self) -> FloatArray | None:
-        """The same as far as it is known already."""
+        """The dead state if it has been found already, else None."""
         return self._dead_state
 
     @property
     def known_opening_field(self) -> FloatArray | None:
-        """Rates that open every contact, as far as they are known already."""
-        found: FloatArray | None = self.__dict__.get("opening_field", self.borrowed_field)
-        return found
+        """An opening field (free blocks, 6) if one has been found or borrowed, else None."""
+        field: FloatArray | None = self.__dict__.get("opening_field", self.borrowed_field)
+        return field
 
     def opening_fields(self) -> Iterator[FloatArray]:
-        """Rates that may open every contact: those borrowed, then those sought for this one."""
+        """Yields candidates for the opening field: the borrowed one, then this assemblage's own."""
         if self.borrowed_field is not None:
             yield self.borrowed_field
         if self.opening_field is not None:
@@ -127,44 +137,76 @@ class Witnesses:
 
     @property
     def easy_dead_state(self) -> FloatArray | None:
-        """The same, if a few projections find it; a solver may be quicker where they do not."""
-        return self._sought(1)
+        """The dead state if a few projections find it, else None: a solver may then be quicker."""
+        return self._find_within(1)
 
-    def _sought(self, attempts: int) -> FloatArray | None:
-        possible = self._can_project and np.any(self.statics.dead)
-        while possible and self._dead_state is None and self._attempted < attempts:
-            share, iterations = _N.attempts[self._attempted]
-            if self._attempted == 0:  # a solver's whole answer is quicker than more
-                iterations = min(iterations, _N.few + len(self.statics.contacts) // 4)
-            self._attempted += 1
-            self._dead_state = self._remembered(
+    def _find_within(self, attempts: int) -> FloatArray | None:
+        """Returns the dead state, which is sought in so many attempts at most; None without one."""
+        can_search = self._can_project and np.any(self.statics.dead)
+        while can_search and self._dead_state is None and self._attempts_made < attempts:
+            share, iterations = _SETTINGS.attempts[self._attempts_made]
+            patience = iterations
+            if self._attempts_made == 0:  # a solver's whole answer is quicker than more
+                few = _SETTINGS.least_iterations + len(self.statics.contacts) // 4
+                iterations, patience = min(iterations, few), _SETTINGS.patience
+            self._attempts_made += 1
+            self._dead_state = self._cached(
                 ("dead state", share, iterations, self.statics.dead.tobytes()),
-                partial(
-                    self._find_dead_state,
-                    share,
-                    iterations,
-                    _N.patience if self._attempted == 1 else iterations,
-                ),
+                partial(self._find_dead_state, share, iterations, patience),
             )
         return self._dead_state
 
-    def _remembered(
-        self, what: tuple[object, ...], seek: Callable[[], FloatArray | None]
+    def _cached(
+        self, what: tuple[object, ...], find: Callable[[], FloatArray | None]
     ) -> FloatArray | None:
+        """Returns the state that ``find`` returns, or an earlier one of the same geometry, loads
+        and strengths."""
         states = getattr(self.assemblage.repeats, "states", None)
         if states is None or self.strength.about is None:
-            return seek()
+            return find()
         key = what, self.strength.about
         if key not in states:
-            if len(states) >= _N.most_states:
+            if len(states) >= _SETTINGS.most_states:
                 states.clear()
-            states[key] = seek()
+            states[key] = find()
         return states[key]
 
     def _find_dead_state(self, share: float, iterations: int, patience: int) -> FloatArray | None:
-        """Returns a dead state with at least a ``share`` of fair compressions at corners, None as
-        soon as ``patience`` iterations leave more than half of what was missing."""
-        # fair is what the lighter of the two blocks gives, its load spread over all its corners
+        """Returns contact forces (n, 6) of a dead state with at least a ``share`` of the fair
+        compression at corners, or None.
+
+        The search ends after so many ``iterations``, or as soon as ``patience`` of them leave more
+        than half of the compression that was missing.
+        """
+        model, contacts = self._balance.model, self.statics.contacts
+        compression = share * self._fair_compressions()
+        # Start from forces in equilibrium; push them inside the surfaces and put them back into
+        # equilibrium, in turn.
+        z, missing = self._put_into_balance(np.zeros(len(self._balance.weights))), list[float]()
+        acceleration = _AndersonAcceleration()
+        for _ in range(iterations):
+            # Has the search come to a stand?
+            short = 0.1 * compression - z[model.nonneg]
+            missing.append(float(short.max(initial=0.0)))
+            if len(missing) > patience and 0.0 < 0.5 * missing[-1 - patience] < missing[-1]:
+                return None
+            # Is the state strictly inside? Then it only remains to balance it to rounding.
+            if missing[-1] <= 0.0 and all(y.max() < 0.0 for y, _ in self._excess(z)):
+                z = self._put_into_balance(self._put_into_balance(z))
+                forces, length = model.forces(z), contacts.typical_size
+                if all(y.max() < 0.0 for y in self.strength.excess(forces)):
+                    # where some forces are held at zero, some load may be carried by nothing
+                    is_balanced = self._balance.held is None
+                    is_balanced = is_balanced or self.statics.is_balanced(forces, 0.0, length)
+                    return forces if is_balanced else None
+            # One step: both projections, the first with an overshoot, and the acceleration.
+            pushed = z + _SETTINGS.overshoot * (self._pushed_inside(z, compression) - z)
+            z = acceleration.next(z, self._put_into_balance(pushed))
+        return None
+
+    def _fair_compressions(self) -> FloatArray:
+        """Returns a fair compression for each corner of a contact: that from the lighter of its two
+        blocks if the load of a block were spread over all its corners."""
         contacts, number = self.statics.contacts, self.statics.row_of_block
         force = np.linalg.norm(self.statics.dead.reshape(-1, DOF)[:, :3], axis=1)
         force = np.where(force > 0.0, force, force.mean() or np.linalg.norm(self.statics.dead))
@@ -175,50 +217,37 @@ class Witnesses:
         spread = np.append(force / around[:-1], np.inf)
         lighter = np.minimum(spread[number[contacts.a]], spread[number[contacts.b]])
         model = self._balance.model
-        compression = share * lighter[model.contact[model.nonneg]]
-        # from forces in equilibrium inside the surfaces, and back into equilibrium, in turn
-        z, missing = self._carried(np.zeros(len(self._balance.weights))), list[float]()
-        accelerated = _Accelerated()
-        for _ in range(iterations):
-            short = 0.1 * compression - z[model.nonneg]
-            missing.append(float(short.max(initial=0.0)))
-            if len(missing) > patience and 0.0 < 0.5 * missing[-1 - patience] < missing[-1]:
-                return None
-            if missing[-1] <= 0.0 and all(y.max() < 0.0 for y, _ in self._excess(z)):
-                z = self._carried(self._carried(z))  # to rounding of each block's own forces
-                forces, length = model.forces(z), contacts.typical_size
-                if all(y.max() < 0.0 for y in self.strength.excess(forces)):
-                    is_all = self._balance.held is None  # else some load may be carried by nothing
-                    is_all = is_all or self.statics.is_balanced(forces, 0.0, length)
-                    return forces if is_all else None
-            further = z + _N.overshoot * (self._pushed_inside(z, compression) - z)
-            z = accelerated.next(z, self._carried(further))
-        return None
+        return np.asarray(lighter[model.contact[model.nonneg]])
 
-    def _carried(self, z: FloatArray) -> FloatArray:
+    def _put_into_balance(self, z: FloatArray) -> FloatArray:
+        """Returns internal forces with the least change that balances the dead load."""
         balance = self._balance
         return z + balance.along(balance.matrix @ z + self._dead)
 
     def _pushed_inside(self, z: FloatArray, compression: FloatArray) -> FloatArray:
+        """Returns internal forces with at least these compressions at corners, moved inside the
+        surfaces: towards compressions alone, and where those are outside, towards compressions that
+        are the same at all corners of a contact."""
         model = self._balance.model
-        pressed = model.nonneg
+        is_compression = model.nonneg
         pushed = z.copy()
-        pushed[pressed] = np.maximum(z[pressed], compression)
-        plain = np.where(pressed, pushed, 0.0)
-        pushed, is_inside = self._blended(pushed, plain)
+        pushed[is_compression] = np.maximum(z[is_compression], compression)
+        without_shear = np.where(is_compression, pushed, 0.0)
+        pushed, is_inside = self._moved_towards(without_shear, pushed)
         if is_inside:
             return pushed
-        centred = plain.copy()
-        at = model.contact[pressed]
-        centred[pressed] = (np.bincount(at, plain[pressed]) / np.bincount(at))[at]
-        return self._blended(pushed, centred)[0]
+        uniform = without_shear.copy()
+        contact = model.contact[is_compression]
+        means = np.bincount(contact, without_shear[is_compression]) / np.bincount(contact)
+        uniform[is_compression] = means[contact]
+        return self._moved_towards(uniform, pushed)[0]
 
-    def _blended(self, z: FloatArray, inner: FloatArray) -> tuple[FloatArray, bool]:
-        """Returns a state as far from ``inner`` towards z as leaves a reserve, and whether
-        ``inner`` has one."""
+    def _moved_towards(self, inner: FloatArray, z: FloatArray) -> tuple[FloatArray, bool]:
+        """Returns z moved towards ``inner`` contact by contact, just until it keeps a reserve, and
+        whether ``inner`` is strictly inside itself."""
         share, is_inside = np.zeros(len(self.statics.contacts)), True
         for (y, contact), (y_inner, _) in zip(self._excess(z), self._excess(inner), strict=True):
-            goal = _N.spare * y_inner
+            goal = _SETTINGS.spare * y_inner
             beyond = (y_inner < 0.0) & (y > goal)
             needed = np.where(beyond, y - goal, 0.0) / np.where(beyond, y - y_inner, 1.0)
             np.maximum.at(share, contact, needed)
@@ -226,17 +255,19 @@ class Witnesses:
         return z + share[self._balance.model.contact] * (inner - z), is_inside
 
     def _excess(self, z: FloatArray) -> list[tuple[FloatArray, IntArray]]:
+        """Returns the yield excess of internal forces, and the contact of each entry, condition by
+        condition."""
         if self._rows is not None:
             return self._rows.excess(z)
-        found = self.strength.excess(self._balance.model.forces(z))
-        each = zip(found, self.strength.rows, self.strength.conditions, strict=True)
-        # those of corners hold where compressions are positive
-        return [(y, rows) for y, rows, (c, _) in each if c.contact is None]
+        excess = self.strength.excess(self._balance.model.forces(z))
+        conditions = zip(excess, self.strength.rows, self.strength.conditions, strict=True)
+        # conditions at corners are left out: they hold where compressions are positive
+        return [(y, rows) for y, rows, (c, _) in conditions if c.contact is None]
 
     @cached_property
     def _rows(self) -> StrengthRows | None:
-        """Returns the rows, None where some forces are resisted by nothing, of which only states
-        know."""
+        """The conditions as rows on internal forces; None where some forces are resisted by
+        nothing, which only :meth:`Strength.excess` takes into account."""
         if self._balance.held is not None:
             return None
         flow = self.strength.flow
@@ -246,33 +277,38 @@ class Witnesses:
 
     @cached_property
     def opening_field(self) -> FloatArray | None:
-        """Block rates (free, 6) that open every contact beyond the flow rule's need, or None: where
-        contacts hold each other in self-stress there is no such field."""
+        """Block rates (free blocks, 6) that open every contact by more than the flow rule asks for,
+        or None: where contacts hold each other in self-stress there is no such field."""
         if not self._can_project:
             return None
-        return self._remembered(("opening field",), self._find_opening_field)
+        return self._cached(("opening field",), self._find_opening_field)
 
     def _find_opening_field(self) -> FloatArray | None:
+        """Returns block rates from projections of rates of internal forces (p,), in turn: onto
+        those that block rates make, by least squares, and onto those that open every contact."""
         matrix, weights = self._balance.matrix, self._balance.weights
         target = np.where(self._balance.model.nonneg, 1.0, 0.0)
-        for _ in range(_N.opening_iterations):
-            rates = self._balance.solve(matrix @ (weights * target))
+        for _ in range(_SETTINGS.opening_iterations):
+            solution = self._balance.solve(matrix @ (weights * target))
             ways = self._balance.rates
-            motion = np.asarray(rates if ways is None else ways.T @ rates).reshape(-1, DOF)
-            missing = self.strength.flow.shortfall_bound(self.statics.relative_rates(motion))
+            rates = np.asarray(solution if ways is None else ways.T @ solution).reshape(-1, DOF)
+            missing = self.strength.flow.shortfall_bound(self.statics.relative_rates(rates))
             if missing.max() < 0.0:
-                return motion
+                return rates
             if not np.isfinite(missing).all():
                 return None
-            target = self._opened(np.asarray(self._balance.transposed @ rates), missing)
+            target = self._opened(np.asarray(self._balance.transposed @ solution), missing)
         return None
 
     def _opened(self, rates: FloatArray, missing: FloatArray) -> FloatArray:
+        """Returns rates of internal forces (p,) with every contact opened by what it is missing
+        (n,) and slips made smaller by friction times that: the nearest that are allowed,
+        overshot."""
         model, contacts = self._balance.model, self.statics.contacts
-        mu, at = contacts.friction, model.contact
-        lack = _N.overshoot * np.maximum(missing + _N.spare, 0.0) / (1.0 + mu**2)
-        arm = np.where(model.is_moment, contacts.torsion_arm[at], 1.0)
+        mu, contact = contacts.friction, model.contact
+        opening = _SETTINGS.overshoot * np.maximum(missing + _SETTINGS.spare, 0.0) / (1.0 + mu**2)
+        arm = np.where(model.is_moment, contacts.torsion_arm[contact], 1.0)
         slips = np.where(model.nonneg, 0.0, arm * rates)
-        size = np.sqrt(np.bincount(at, slips**2, len(contacts)))
-        kept = np.maximum(1.0 - mu * lack / np.where(size > 0.0, size, np.inf), 0.0)
-        return np.where(model.nonneg, rates + lack[at], kept[at] * rates)
+        slip = np.sqrt(np.bincount(contact, slips**2, len(contacts)))
+        share = np.maximum(1.0 - mu * opening / np.where(slip > 0.0, slip, np.inf), 0.0)
+        return np.where(model.nonneg, rates + opening[contact], share[contact] * rates)

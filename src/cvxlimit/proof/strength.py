@@ -1,4 +1,8 @@
-"""What the contacts of an assemblage can bear, as surfaces and formulation state it: for proofs."""
+"""The admissible forces of all contacts together, and their flow rule, as proofs need them.
+
+Contact forces are arrays (n, 6) in the columns V1 V2 N M1 M2 MT of ``COMPONENTS``, N > 0 in
+compression; relative rates (n, 6) are conjugate to them column by column.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +36,8 @@ from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking, strength_key
 
 NOTHING = 1e-300
-"""Reserve of a condition without resistance in a state without the forces that it is about: next to
-nothing, but inside."""
+"""Reserve of a condition that has no resistance, in a state without the forces that it limits: next
+to nothing, but inside."""
 
 
 _HUGE = 1e100
@@ -41,7 +45,7 @@ _HUGE = 1e100
 
 
 class Flow(Protocol):
-    """What is asked of a flow rule: see :class:`FlowRule`, whose methods these are."""
+    """The methods that proofs need of a flow rule; :class:`FlowRule` describes them."""
 
     def shortfall(self, rates: FloatArray) -> Shortfall: ...
 
@@ -51,18 +55,18 @@ class Flow(Protocol):
 
 
 class ContactFlow(Flow, Protocol):
-    """A flow rule of contacts, each for itself."""
+    """A flow rule that is stated for each contact by itself."""
 
     def of(self, rows: IntArray) -> ContactFlow:
-        """That of some of them (k,)."""
+        """Returns the flow rule of some contacts (k,) only."""
 
 
 class Strength:
-    """The admissible forces of all contacts of an assemblage, as surfaces and formulation state.
+    """The admissible forces of all contacts of an assemblage, from its surfaces and formulation.
 
     Forces are checked as *states*: contact forces (n, 6), or, where the formulation has conditions
-    of its own, its internal forces (p,), on which those are stated. ``flow`` is the flow rule of
-    mechanisms, that of surfaces and formulation where it is None.
+    of its own (``is_internal``), its internal forces (p,), on which those are stated. ``flow`` is
+    the flow rule of mechanisms; None means that of surfaces and formulation.
     """
 
     def __init__(
@@ -75,79 +79,89 @@ class Strength:
         self.assemblage = assemblage
         self.contacts = assemblage.contacts
         self.formulation = formulation
-        own = model_of(formulation, self.contacts)
-        self.is_internal = bool(own.conditions)
-        is_own = self.is_internal or formulation is corner_compressions
-        self.model = own if is_own else corner_compressions(self.contacts)
-        # by their places: a part may have the name of a component, which conditions would mean
+        model = model_of(formulation, self.contacts)
+        self.is_internal = bool(model.conditions)
+        is_needed = self.is_internal or formulation is corner_compressions
+        self.model = model if is_needed else corner_compressions(self.contacts)
+        # Compressions among internal forces, by place: a part of a formulation may have the name of
+        # a force component, so that a condition by name would mean the wrong one.
         self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])
         self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
 
     @cached_property
     def about(self) -> Hashable | None:
-        """What it follows from; see :func:`~cvxlimit.surfaces.coulomb.strength_key`."""
+        """A key of everything that the strength follows from; see
+        :func:`~cvxlimit.surfaces.coulomb.strength_key`."""
         return strength_key(self.surfaces, self.contacts)
 
     @classmethod
     def shared(
         cls, assemblage: Assemblage, surfaces: Sequence[YieldSurface], formulation: Formulation
     ) -> Strength:
-        """Returns what the constructor makes. What follows from contacts and surfaces alone is made
-        once for all scenes that have these, where the assemblage keeps anything."""
-        own, contacts = partial(cls, assemblage, surfaces, formulation), assemblage.contacts
+        """Returns the strength that the constructor makes, with what follows from contacts and
+        surfaces alone computed once for all scenes of a sweep that have the same."""
+        create, contacts = partial(cls, assemblage, surfaces, formulation), assemblage.contacts
         if assemblage.repeats is None or formulation is not corner_compressions:
-            return own()
+            return create()
         if (about := strength_key(surfaces, contacts)) is None:
-            return own()
+            return create()
 
-        def made() -> Strength:
-            new = own()
-            # so that copies have them
-            _ = new.rows, new.rate_sizes, new.is_cone, new._idle, new.about
-            return new
+        def create_complete() -> Strength:
+            strength = create()
+            # cached properties are computed here, so that copies have them
+            _ = (
+                strength.rows, strength.rate_sizes, strength.is_cone, strength._unresisted,
+                strength.about,
+            )  # fmt: skip
+            return strength
 
-        result = copy(assemblage.repeats.shared(("strength", about), contacts, made))
+        result = copy(assemblage.repeats.shared(("strength", about), contacts, create_complete))
         result.assemblage = assemblage
         return result
 
     @cached_property
     def balance(self) -> Balance:
+        """The equilibrium of states, with internal forces held at zero that nothing resists."""
         balance = self.assemblage.balance
         if self.is_internal:
             balance = Balance(self.assemblage.statics, self.model)
-        free = self._idle[1].ravel()
-        if not free.any():
+        unresisted = self._unresisted[1].ravel()
+        if not unresisted.any():
             return balance
         gives = abs(balance.model.resultant_map).T
-        return replace(balance, held=(gives @ free > 0.0) & (gives @ ~free == 0.0))
+        return replace(balance, held=(gives @ unresisted > 0.0) & (gives @ ~unresisted == 0.0))
 
     @cached_property
-    def _idle(self) -> tuple[list[BoolArray], BoolArray]:
-        """Rows without resistance, condition by condition, and the contact forces (n, 6) that these
-        leave none of."""
-        voids, unresisted = [], np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
+    def _unresisted(self) -> tuple[list[BoolArray], BoolArray]:
+        """The rows whose resistance is zero, condition by condition, and the contact forces (n, 6)
+        that must therefore be zero, as shear of a contact without friction."""
+        rows_without, unresisted = [], np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
         for condition, _ in self.conditions:
             rows = condition.rows(len(self.contacts))
             sizes = (np.abs(number(k)) for k in condition.resistance.values())
-            voids.append((sum(sizes, np.zeros(len(rows))) == 0.0) & bool(condition.norms))
+            is_zero = (sum(sizes, np.zeros(len(rows))) == 0.0) & bool(condition.norms)
+            rows_without.append(is_zero)
             names = [name for norm in condition.norms for row in norm.rows for name in row]
             for name in COLUMN.keys() & names:
-                unresisted[rows[voids[-1]], COLUMN[name]] = True
-        return voids, unresisted
+                unresisted[rows[is_zero], COLUMN[name]] = True
+        return rows_without, unresisted
 
     @cached_property
     def conditions(self) -> list[tuple[Condition, Cone]]:
+        """All conditions on states, each with the cone that bounds its norms."""
         if self.is_internal:
             return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
         return [(c, s.cone) for s in self.surfaces for c in stated(s, self.contacts)]
 
     @cached_property
     def is_cone(self) -> bool:
-        """True if admissible forces may be scaled at will: no condition has a constant."""
+        """True if no condition has a constant: any multiple of admissible forces is admissible."""
         return not any(has_constants(condition) for condition, _ in self.conditions)
 
     def recession(self) -> tuple[tuple[YieldSurface, ...], Formulation]:
+        """Returns surfaces and formulation without their constants: their admissible forces are the
+        directions in which those of this strength may grow without end."""
         surfaces = tuple(
             Recession(s) if any(map(has_constants, stated(s, self.contacts))) else s
             for s in self.surfaces
@@ -155,31 +169,36 @@ class Strength:
         return surfaces, recession_of(self.formulation)
 
     def state(self, value: object) -> FloatArray | None:
+        """Returns ``value`` as the array of a state; None for None and for numbers not finite."""
         shape = (
             (self.model.resultant_map.shape[1],) if self.is_internal else (len(self.contacts), 6)
         )
         return finite(value, shape, "internal force" if self.is_internal else "contact")
 
     def forces(self, state: FloatArray) -> FloatArray:
+        """Returns the contact forces (n, 6) of a state."""
         return self.model.forces(state) if self.is_internal else state
 
     def excess(self, state: FloatArray) -> list[FloatArray]:
-        """Yield functions as forces, one array per condition; <= 0 is admissible."""
+        """Returns the yield functions y of a state, as forces, one array per condition; y <= 0 is
+        admissible."""
         values = columns(state) if not self.is_internal else self.model.values(state)
-        found = [condition_excess(c, cone, values) for c, cone in self.conditions]
-        voids, unresisted = self._idle
-        if unresisted.any():
-            pairs = zip(found, voids, strict=True)
-            found = [np.where(void & (y <= 0.0), -NOTHING, y) for y, void in pairs]
-        return [-state[self._pressed], *found] if len(self._pressed) else found
+        excess = [condition_excess(c, cone, values) for c, cone in self.conditions]
+        rows_without, unresisted = self._unresisted
+        if unresisted.any():  # a state without these forces is inside
+            pairs = zip(excess, rows_without, strict=True)
+            excess = [np.where(is_zero & (y <= 0.0), -NOTHING, y) for y, is_zero in pairs]
+        return [-state[self._pressed], *excess] if len(self._pressed) else excess
 
     @cached_property
     def rows(self) -> list[IntArray]:
-        found = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
-        return [self.model.contact[self._pressed], *found] if len(self._pressed) else found
+        """The contact of every entry of :meth:`excess`."""
+        rows = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
+        return [self.model.contact[self._pressed], *rows] if len(self._pressed) else rows
 
     def balancing(self, state: FloatArray, load_factor: float, statics: Statics) -> float:
-        """The load factor, near a given one, whose loads the least change of forces balances."""
+        """Returns the load factor near ``load_factor`` whose loads need the least change of a state
+        to be balanced."""
         balance = self.balance
         if not balance.is_supported:
             return load_factor
@@ -191,13 +210,14 @@ class Strength:
         return load_factor - float(by_live @ residual) / float(by_live @ live)
 
     def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
-        """The state with the least change that balances the loads of ``statics``."""
+        """Returns the state with the least change that balances the loads of ``statics`` at a load
+        factor; the state itself where some blocks have no support."""
         if not self.balance.is_supported:
             return state
         if self.balance.held is not None:
-            unresisted = self.balance.held if self.is_internal else self._idle[1]
+            unresisted = self.balance.held if self.is_internal else self._unresisted[1]
             state = np.where(unresisted, 0.0, state)
-        for _ in range(2):
+        for _ in range(2):  # the second change removes the rounding of the first
             residual = statics.residual(self.forces(state), load_factor).ravel()
             change = self.balance.change(residual)
             state = state + (change if self.is_internal else self.balance.model.forces(change))
@@ -205,15 +225,18 @@ class Strength:
 
     @cached_property
     def rate_sizes(self) -> FloatArray:
-        """Weights (n, 6) of slip, opening and rotation rates in each contact's opening. Each
-        contact's own: with the largest friction of all, one glued joint would cost every other one
-        its precision."""
+        """Weights (n, 6) of relative rates in the opening of a contact, by which rounding is
+        measured: friction for slips, 1 for opening, the contact's reach for rotations. Each contact
+        has its own: with the largest friction of all, one glued joint would make the rounding of
+        every other one large."""
         mu, contacts = self.contacts.friction, self.contacts
         reach = -contacts.corner_minimum(-np.abs(contacts.corner_xy).max(axis=1))
         return np.stack([mu, mu, np.ones(len(mu)), reach, reach, mu * reach], axis=1)
 
 
 def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | None:
+    """Returns ``value`` as an array of this shape, None for None and for numbers not finite; raises
+    ModelError for another shape. ``what`` names a row in the message."""
     if value is None:
         return None
     array = np.asarray(value, dtype=float)
