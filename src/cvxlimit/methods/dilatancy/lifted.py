@@ -2,7 +2,17 @@
 
 A solution without dilatancy pairs forces x = (1, n, V, alpha) with rates u of live power one and
 slips p and q either way, so that what presses does not open and what slides is at its limit. All
-of that is linear in the products Z = x y of forces and y = (u, p), q being p less the slip:
+of that is linear in the products Z = x y of forces and y = (u, p), q being p less the slip.
+
+Letters, for N contacts of a planar scene; all are scaled (:class:`_Products`):
+
+- n: compressions (2 N,) at the ends of contacts, V: shears (N,), alpha: the load factor;
+- u: rates of blocks, p and q: slips (N,) of contacts one way and the other, none negative;
+- s: the unit (N,) of shear in the problem, ``size``; R = mu N + c A: the most that friction bears;
+- O u: openings (2 N,) at the ends of contacts, the first rows of ``flow``;
+- a, b: the ``interval`` of load factors; Z(1), Z(alpha): the rows of Z for these entries of x.
+
+The equations and inequalities of the lifted problem are
 
     equilibrium x every rate = 0,
     (n, R - s V, R + s V, alpha - a, b - alpha) x (O u, p, q) >= 0,
@@ -143,7 +153,8 @@ class _Products:
 
     @classmethod
     def of(cls, problem: LimitProblem) -> _Products | None:
-        """None for problems that are not planar, or have more than one law of friction."""
+        """Returns the rows of a problem; None if it is not planar or has several laws of
+        friction."""
         program, model = problem.program, problem.model
         n = len(model.contacts)
         if program.cones or list(model.start) != ["n", "V"] or program.nonneg != 4 * n:
@@ -172,7 +183,7 @@ class _Products:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Of Z: forces by rates."""
+        """The shape of Z: number of forces x by number of rates y."""
         return self.strength.shape[1], self.flow.shape[1]
 
 
@@ -246,6 +257,8 @@ def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Iter
 
 
 class _Lift:
+    """The lifted linear program of one interval of load factors, in the entries of Z row by row."""
+
     def __init__(self, products: _Products, interval: tuple[float, float], near: BoolArray) -> None:
         self.products, self.interval = products, interval
         nx, ny = products.shape
@@ -278,7 +291,7 @@ class _Lift:
         self.cost = sp.kron(last, live).toarray().ravel()
 
     def solved(self, seconds: float) -> tuple[FloatArray, FloatArray] | None:
-        """Multipliers of equations and inequalities, as exact as HiGHS has them."""
+        """Returns the multipliers of equations and of inequalities that HiGHS finds, or None."""
         right, until = np.zeros(self.equations.shape[0]), time.perf_counter() + seconds
         right[-1] = 1.0
         for tolerance in _TIGHT:
@@ -296,13 +309,15 @@ class _Lift:
         return answer.eqlin.marginals, np.maximum(-answer.ineqlin.marginals, 0.0)
 
     def rest(self, multipliers: tuple[FloatArray, FloatArray]) -> FloatArray:
-        """What multipliers leave of Z(alpha) . live - F Z(1) . live, (forces, rates)."""
+        """Returns the residual (forces, rates) of the combination of rows by these multipliers,
+        which should be Z(alpha) . live - F Z(1) . live."""
         equations, others = multipliers
         left = self.cost - self.equations.T @ equations - self.inequalities.T @ others
         return np.asarray(left).reshape(self.products.shape)
 
     def refined(self, multipliers: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """With the least change of those that are not zero that leaves next to nothing."""
+        """Returns multipliers with next to no residual: those that are not zero are changed, by the
+        least change in the sense of least squares."""
         equations, others = multipliers
         used = np.flatnonzero(others)
         rows = sp.vstack([self.equations, self.inequalities[used]], format="csr")
@@ -322,6 +337,7 @@ class _Lift:
         return float(tries[best][0][-1]), taken[best]
 
     def _taken(self, multipliers: tuple[FloatArray, FloatArray], most: float) -> float:
+        """Returns the largest r_k: what residual and rounding take per opening or slip at most."""
         equations, others = multipliers
         products = self.products
         n, (_, ny) = len(products.size), products.shape

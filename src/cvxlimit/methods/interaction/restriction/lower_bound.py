@@ -1,4 +1,8 @@
-"""What forces prove: the lower bound that the independent checker accepts, and how it is said."""
+"""Lower bounds on the load factor with interaction, from forces checked outside the solver.
+
+Contact forces are arrays (n, 6) in the columns V1 V2 N M1 M2 MT of ``COMPONENTS``, N > 0 in
+compression, in the scene's units. Eq. 9 is rocking, Eq. 30 torsion, shear and bending.
+"""
 
 from __future__ import annotations
 
@@ -73,6 +77,8 @@ class LowerBounds:
         self._disjuncts: dict[int, Contacts] = {}
 
     def of(self, forces: FloatArray, load_factor: float) -> LowerBound:
+        """Returns the bound that forces (n, 6) at a load factor prove after they were balanced and,
+        if necessary, mixed with a state inside."""
         if not (np.isfinite(forces).all() and np.isfinite(load_factor)):
             return LowerBound(-np.inf, forces, load_factor, False, np.inf, np.inf)
         balanced = self.balanced(forces, load_factor)
@@ -104,6 +110,7 @@ class LowerBounds:
                     yield given
 
     def _repeated(self, times: int) -> Contacts:
+        """Returns all contacts so many times, one after the other, to check states together."""
         if times not in self._disjuncts:
             contacts = self.statics.contacts
             self._disjuncts[times] = contacts.take(np.tile(np.arange(len(contacts)), times))
@@ -111,9 +118,11 @@ class LowerBounds:
 
     @cached_property
     def reserves(self) -> tuple[FloatArray, ...]:
-        found = tuple(state for state in central_states(self.assemblage) if self._is_inside(state))
-        if found or not np.any(self.statics.dead):
-            return found
+        """States (n, 6) strictly inside Eq. 9 and 30 that carry the dead load alone."""
+        central = central_states(self.assemblage)
+        inside = tuple(state for state in central if self._is_inside(state))
+        if inside or not np.any(self.statics.dead):
+            return inside
         alone = self.assemblage.alone(self.statics.dead)
         problem = LimitProblem(alone, goal=LargestFactor(most=1.0))
         forces = carried(problem.run(default_ladder()[0]))
@@ -128,6 +137,7 @@ class LowerBounds:
         return bool(true_excess(state, self.statics.contacts, self.moments).max() < 0.0)
 
     def checked(self, forces: FloatArray, load_factor: float) -> LowerBound:
+        """Returns the bound that forces (n, 6) prove as they are."""
         if not np.isfinite(forces).all():
             return LowerBound(-np.inf, forces, load_factor, False, np.inf, np.inf)
         over = np.maximum(true_excess(forces, self.statics.contacts, self.moments), 0.0)
@@ -142,11 +152,12 @@ class LowerBounds:
         return LowerBound(value, forces, float(load_factor), proved, excess, residual)
 
     def is_admissible(self, forces: FloatArray, load_factor: float) -> bool:
-        """Equilibrium, rocking and Eq. 30, but for rounding of the total load."""
+        """Returns True if forces satisfy equilibrium, rocking and Eq. 30 up to rounding."""
         bound = self.checked(forces, load_factor)
         return max(bound.excess, bound.residual) <= ROUNDING
 
     def balanced(self, forces: FloatArray, load_factor: float) -> FloatArray:
+        """Returns forces (n, 6) with the least change that balances the loads."""
         return self.assemblage.balance.balanced(forces, load_factor, self.statics)
 
     def _is_balanced(self, forces: FloatArray, load_factor: float) -> bool:
@@ -174,13 +185,15 @@ class TrueStrength(Strength):
 
 
 def carried(state: LimitState) -> FloatArray | None:
-    # the share of a load alone that is carried is 0 or 1, but for rounding
+    """Returns the forces (n, 6) that carry all of a load, from the answer of a problem whose load
+    factor, the share that is carried, is 0 or 1 but for rounding; None if it is 0."""
     if state.forces is None or not state.load_factor or state.load_factor < 0.5:
         return None
     return state.forces / state.load_factor
 
 
 def true_excess(forces: FloatArray, contacts: Contacts, moments: Moments) -> FloatArray:
+    """Returns by how much forces (n, 6) exceed Eq. 9 or 30 at each contact (n,), as a force."""
     return np.maximum(rocking_excess(forces, contacts), moments.excess(forces, contacts))
 
 
@@ -191,10 +204,13 @@ def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
 
 
 def plain_witnesses(assemblage: Assemblage) -> Witnesses:
+    """Returns the reference states of an assemblage without interaction."""
     return Witnesses(assemblage, Strength(assemblage, DEFAULT_SURFACES))
 
 
 def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
+    """Yields states (n, 6) that carry the dead load with little shear and central pressure: those
+    of contacts with less friction and smaller size, :attr:`ProofSettings.reserves`."""
     whole = assemblage.contacts
     for friction, size in PROOF.reserves:
         shrunk = replace(whole.scaled(size), origin=whole.origin)
@@ -259,7 +275,7 @@ def _proved(run: Run, forces: FloatArray, least: float, end: float) -> LowerBoun
 
 
 def _exceeds(run: Run, found: LowerBound | None) -> BoolArray:
-    """Contacts (n,) that exceed Eq. 30; all of them, where there is no answer or none does."""
+    """Returns which contacts (n,) exceed Eq. 30: all if there is no answer or none exceeds it."""
     if found is None or not np.isfinite(found.forces).all():
         return np.ones(len(run.contacts), dtype=bool)
     over = true_excess(found.forces, run.contacts, run.moments) > 0.0
@@ -269,6 +285,7 @@ def _exceeds(run: Run, found: LowerBound | None) -> BoolArray:
 def _stepped(
     run: Run, checker: LowerBounds, forces: FloatArray, margin: FloatArray
 ) -> LowerBound | None:
+    """Returns the bound of a safe step from the forces with a ``margin`` (n,) less friction."""
     step = SafeStep(_slippery(run, margin), run.moments)
     point = step.point(forces, Point.middle(step.statics.contacts), PROOF.accepted)
     state = step.solve(point.shrunk(run.moments.shrink), tight_ladder()[0])
@@ -278,6 +295,7 @@ def _stepped(
 
 
 def _slippery(run: Run, margin: FloatArray) -> Assemblage:
+    """Returns the assemblage with friction less by a share ``margin`` (n,) of it."""
     less = replace(run.contacts, friction=(1.0 - margin) * run.contacts.friction)
     return replace(run.assemblage, statics=replace(run.assemblage.statics, contacts=less))
 
@@ -285,6 +303,8 @@ def _slippery(run: Run, margin: FloatArray) -> Assemblage:
 def _proof(
     run: Run, checker: LowerBounds, forces: FloatArray, margin: FloatArray
 ) -> LowerBound | None:
+    """Returns the bound of the frozen problem at the forces' own pressure centres, with a
+    ``margin`` (n,) less friction in contacts that are as much smaller."""
     contacts, extent = run.contacts, half_extent(run.contacts)
     centre = centres(forces, contacts, 1.0 - margin)
     is_idle = forces[:, COLUMN["N"]] <= ROUNDING * run.scaling.force
@@ -302,6 +322,8 @@ def _proof(
 
 
 def _held(contacts: Contacts, e: FloatArray, pressed: IntArray) -> ForceModel:
+    """Returns the internal forces of the contacts ``pressed`` whose pressure centres are held at
+    the eccentricities ``e`` (n, 2): compression, shear through the centre, and torsion about it."""
     e1, e2 = e[pressed].T
     parts = [
         Part("n", {"N": 1, "M1": e2, "M2": -e1}, pressed, nonneg=True),
@@ -313,6 +335,7 @@ def _held(contacts: Contacts, e: FloatArray, pressed: IntArray) -> ForceModel:
 
 
 def basis(bracket: Bracket, *remarks: str) -> str:
+    """Returns a sentence on what the two bounds rest on, followed by the remarks."""
     if not np.isfinite(bracket.lower):
         lower = "no forces were found that satisfy Eq. 30"
     elif bracket.lower_is_proved:
