@@ -31,6 +31,7 @@ Columns = dict[str, tuple[Any, str, str]]
 
 
 def table_of(solution: Solution, what: str) -> DataFrame:
+    """The table ``what`` of a solution: contacts, blocks or history."""
     if what not in _TABLES:
         raise InputError(
             f"there is no table {what!r}: choose one of {', '.join(_TABLES)}"
@@ -47,6 +48,7 @@ def table_of(solution: Solution, what: str) -> DataFrame:
 
 
 def _table(pandas: Any, index: Any, columns: Columns, name: str | None, facts: Any) -> DataFrame:
+    """The table of some columns; units, descriptions and ``facts`` are its ``attrs``."""
     table: DataFrame = pandas.DataFrame(
         {name: values for name, (values, _, _) in columns.items()},
         index=None if index is None else pandas.Index(index, name=name),
@@ -165,7 +167,8 @@ def _by_load(found: Sensitivity, scene: Scene) -> tuple[list[int], Columns]:
 
 
 def _read(solution: Solution, what: str) -> tuple[list[str], Columns]:
-    """What a file holds without the scene: forces by contact, or rates by block."""
+    """The columns that a result file gives without its scene: forces by contact, or rates by
+    block."""
     units = solution.units or Units("", "")
     if what == "contacts":
         return list(solution.contact_names), _forces(solution.forces, solution.contacts, units)
@@ -218,6 +221,7 @@ def _contacts(solution: Solution, scene: Scene) -> tuple[list[str], Columns]:
 
 
 def _along(name: str, values: FloatArray, unit: str, text: str) -> Columns:
+    """Three columns for values (n, 3) along x, y and z; {} in the text is the axis."""
     return {
         f"{name}{axis}": (each, unit, text.format(axis))
         for axis, each in zip("xyz", values.T, strict=True)

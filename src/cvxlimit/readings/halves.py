@@ -21,9 +21,16 @@ from cvxlimit.reductions.mirror import Mirror
 
 @dataclass(frozen=True, eq=False)
 class SymmetricHalf:
-    """``kept`` (k,) are contacts of this half, those on the plane among them, ``dropped`` (n - k,)
-    those of the other; ``forces`` (6 n, 6 k) of all contacts, per forces of those kept; ``rates``
-    (r, 6 free blocks) the symmetric ways in which blocks move.
+    """The half of a scene with n contacts on one side of its mirror plane.
+
+    Attributes
+    ----------
+    kept : (k,), dropped : (n - k,)
+        Numbers of the contacts of this half, with those on the plane, and of the other half.
+    forces : (6 n, 6 k)
+        The map from the forces of the kept contacts to those of all contacts.
+    rates : (r, 6 free blocks)
+        The r symmetric ways in which blocks move.
     """
 
     kept: IntArray
@@ -33,9 +40,9 @@ class SymmetricHalf:
 
     @classmethod
     def of(cls, found: Reductions, moments: Moments) -> SymmetricHalf | None:
-        """None without a mirror plane, in planar scenes, where the reading is not indifferent to
-        the mirror, and with contacts that are not rectangles: safe steps put those into places of
-        their own, and their arms, not the problems, take the time (the dome gained nothing)."""
+        """The half of a scene, or None where it does not pay or is not valid: without a mirror
+        plane, in planar scenes, if the reading of Eq. 30 depends on the side, and with contacts
+        that are no rectangles, whose arms rather than the problems take the time."""
         mirror, contacts, whole = found.mirror, found.assemblage.contacts, found.best()
         if mirror is None or found.plane is not None or not contacts.is_rectangle.all():
             return None
@@ -54,7 +61,8 @@ class SymmetricHalf:
 
 
 def _is_indifferent(moments: Moments, mirror: Mirror, contacts: Contacts) -> bool:
-    # a reading that is not indifferent differs almost surely for random forces
+    """True if Eq. 30 is exceeded by as much after forces are mirrored. They are random: a reading
+    that depends on the side differs there almost surely."""
     random = np.random.default_rng(0)
     forces = random.normal(size=(len(contacts), len(COMPONENTS)))
     forces[:, COLUMN["N"]] = np.abs(forces[:, COLUMN["N"]])

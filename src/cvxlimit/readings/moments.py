@@ -56,8 +56,11 @@ from cvxlimit.surfaces.frozen import (
 
 
 class Moments(ABC):
-    """A reading of Eq. 30: torque of a contact's forces <= c (mu N - abs(V)).
+    """A reading of Eq. 30: torque <= c (mu N - abs(V)) for the forces of a contact.
 
+    Forces (n, 6) are V1, V2, N, M1, M2, MT, with N > 0 in compression; abs(V) = hypot(V1, V2), mu
+    is ``contacts.friction`` and c the torsion arm ``Pressure.arm`` about the pressure centre
+    (e1, e2) = (-M2, M1) / N; eps1 = abs(e1), eps2 = abs(e2). A reading says what the torque is.
     Derive a reading of one's own from :class:`TiedMoments`.
     """
 

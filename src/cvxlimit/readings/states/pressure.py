@@ -47,7 +47,8 @@ class Pressure:
 
 
 def eccentricities(forces: FloatArray, epsilon: float = 0.0) -> FloatArray:
-    """(n, 2) of Eq. 31, zero for contacts without compression."""
+    """Pressure centres (e1, e2) = (-M2, M1) / N (n, 2; Eq. 31) of forces (n, 6), zero for contacts
+    without compression."""
     normal = forces[:, [COLUMN["N"]]]
     moments = np.stack([-forces[:, COLUMN["M2"]], forces[:, COLUMN["M1"]]], axis=1)
     return np.where(normal > 0.0, moments / np.where(normal > 0.0, normal + epsilon, 1.0), 0.0)
@@ -80,6 +81,7 @@ def effective_arm(e1: FloatArray, e2: FloatArray, contacts: Contacts) -> FloatAr
 
 
 def polygon_arms(contacts: Contacts, rows: IntArray, centres: FloatArray) -> FloatArray:
+    """c_T (k,) of the effective regions of contacts ``rows`` (k,) about ``centres`` (k, 2)."""
     if not len(rows):
         return np.zeros(0)
     corners = outlines_of(contacts, rows)

@@ -1,7 +1,19 @@
 """How much work contact forces with interaction can do: support functions of the true sets.
 
-For unit compression and rates w the largest b . e + h(e) over pressure centres e, plus w_N; where
-it lies, and what h is under each reading, is derived in docs/evidence/interaction-bounds.md.
+For states X of a contact with N = 1 the largest power w . X is w_N plus the maximum of
+b . e + h(e) over pressure centres e. The derivation is in docs/evidence/interaction-bounds.md.
+
+====== ============ ============================================================================
+letter name         meaning
+====== ============ ============================================================================
+w      ``w``        rates (n, 6) of V1, V2, N, M1, M2, MT, the order of ``contacts.COMPONENTS``
+e      ``ends``     pressure centre (e1, e2) = (-M2, M1) / N (length) along t1, t2; eps = abs(e)
+b      ``moment``   (-w_M2, w_M1), what a pressure centre does per length
+mu     ``friction`` Coulomb coefficient (n,)
+c      ``arm``      torsion arm (n,) of the effective area about e (Eq. 26; length)
+d      ``lever``    the point about which a reading of Eq. 30 takes torsion
+h                   largest power of shear and torsion at e, which depends on the reading
+====== ============ ============================================================================
 """
 
 from __future__ import annotations
@@ -54,10 +66,12 @@ def _cut_edges(ends: FloatArray, half: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What a support function of n rectangles is asked for: rates ``w`` (n, 6), and boxes
-    (n, 2, 2) of pressure centres, per axis the lowest and the highest fraction of the half sides.
-    Powers up to ``floor`` (n,) need not be enclosed closely, others to ``precision`` of the largest
-    power in play, if that is coarser than the reading's own.
+    """What a support function is evaluated for, on n rectangles.
+
+    ``w`` (n, 6) are the rates, ``half`` (n, 2) the half sides, and ``boxes`` (n, 2, 2) the lowest
+    and the highest fraction of the half sides, per axis, where pressure centres may be. Powers up
+    to ``floor`` (n,) need not be enclosed closely, others to ``precision`` of the largest power
+    possible, if that is coarser than the reading's own.
     """
 
     w: FloatArray
@@ -80,8 +94,9 @@ class Asked:
         halvings: int,
         halved: Callable[[FloatArray, FloatArray], FloatArray] = _halved_boxes,
     ) -> Support:
-        """The largest power over pieces, enclosed from both sides: those whose bound exceeds the
-        best value found are halved. The upper end of the enclosure is what counts."""
+        """The largest power over ``pieces`` (q, k, d) of contacts ``rows`` (k,), from above, by
+        branch and bound: pieces whose bound exceeds the best value so far are cut further."""
+        # The tolerance is a share of the largest power that moments, shear and torsion can have.
         w, n = np.abs(self.w), len(self.half)
         moments = (w[:, [COLUMN["M2"], COLUMN["M1"]]] * self.half).sum(axis=1)
         shear = w[:, COLUMN["V1"]] + w[:, COLUMN["V2"]]
@@ -91,6 +106,7 @@ class Asked:
         before = np.full(len(rows), np.inf)
         for left in reversed(range(halvings + 1)):
             places, powers, bound = found(rows, pieces)
+            # A part is bounded by its own bound and by that of the piece it was cut from.
             bound = np.minimum(bound, before)
             for place, power in zip(places, powers, strict=True):
                 np.maximum.at(best, rows, power)
@@ -109,7 +125,7 @@ class Asked:
 
 
 def independent_support(asked: Asked, halvings: int) -> Support:
-    """Over the edges of boxes, with independent signs.
+    """The largest power with independent signs, which lies on an edge of the box.
 
     On a piece of an edge let c1 be the chord of c: above c, for c is convex. Power grows with c,
     and with c1 it is b . eps + mu c1 m(c1, eps), where m, a maximum of reciprocals of linear
@@ -149,8 +165,8 @@ def independent_support(asked: Asked, halvings: int) -> Support:
 
 
 def levered_support(lever: Lever, is_limited: bool, asked: Asked, halvings: int) -> Support:
-    """With torsion about a lever: at corners of boxes, without a search and without centres; with
-    Eq. 27 beside Eq. 30 over boxes, halved along both axes."""
+    """The largest power with torsion about a lever. For Eq. 30 alone it lies at corners of boxes,
+    and no centres are returned; with Eq. 27 beside it boxes are halved along both axes."""
 
     def found(j: IntArray, ends: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         e = box_corners(ends)
@@ -189,6 +205,7 @@ class Shares:
         self.high = np.maximum(np.maximum(least, 0.0), self.twist)
 
     def power(self, share: FloatArray) -> FloatArray:
+        """The power (p, k) for shares (p, k) or (k,)."""
         slip = np.hypot(self.v1 - share * self.d2, self.v2 + share * self.d1)
         first = np.maximum(slip, self.arm * np.abs(share))
         return self.moment + self.friction * (first + self.arm * np.abs(self.twist - share))
@@ -292,6 +309,7 @@ def half_extent(contacts: Contacts) -> FloatArray:
 
 
 def whole_boxes(contacts: Contacts) -> FloatArray:
+    """Boxes (n, 2, 2) of all pressure centres: from -1 to 1 along both axes."""
     return np.tile([-1.0, 1.0], (len(contacts), 2, 1))
 
 
@@ -302,6 +320,7 @@ def box_keys(boxes: FloatArray, number: IntArray) -> list[tuple[int, bytes]]:
 
 
 def is_whole(boxes: FloatArray) -> BoolArray:
+    """True (n,) for boxes that leave out no pressure centre."""
     return np.asarray((np.abs(boxes) >= 1.0).all(axis=(1, 2)))
 
 
