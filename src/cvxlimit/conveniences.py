@@ -95,8 +95,8 @@ def solution_report(solution: Solution, file: str | os.PathLike[str] | None, giv
     if given["sensitivity"] is None and (derive := getattr(solution, "sensitivity", None)):
         with suppress(InputError):  # no optimum of one convex problem has derivatives
             given = given | {"sensitivity": derive()}
-    made = report(solution, digest, **given)
-    return made if file is None else made.save(file)
+    page = report(solution, digest, **given)
+    return page if file is None else page.save(file)
 
 
 def sensitivity_sides(found: Any, change: Any, step: float) -> tuple[float, float]:
@@ -115,6 +115,6 @@ def sensitivity_sides(found: Any, change: Any, step: float) -> tuple[float, floa
 
 def solution_problem(solution: Solution) -> LimitProblem:
     """:attr:`cvxlimit.Solution.problem`."""
-    found = LimitProblem(solution.scene, solution.surfaces or solution.surface)
-    found.surface = solution.surface
-    return found
+    problem = LimitProblem(solution.scene, solution.surfaces or solution.surface)
+    problem.surface = solution.surface
+    return problem

@@ -349,8 +349,8 @@ def row_of(method: Method, scene: Scene, runs: Sequence[Row], truth: Row) -> Row
 
 
 def _median(values: Iterable[float | None]) -> float | None:
-    found = [value for value in values if value is not None]
-    return median(found) if found else None
+    figures = [value for value in values if value is not None]
+    return median(figures) if figures else None
 
 
 def _reference_note(row: Row) -> str:

@@ -6,6 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 from cvxlimit.errors import ModelError
@@ -273,14 +274,14 @@ class Reference(Method):
     def measure(self, scene: Scene) -> Row:
         started = time.perf_counter()
         if self.interaction != "none":
-            found = solve(scene, method="certified", moments=self.moments)  # type: ignore[arg-type]
-            status = str(found.status)
+            solution = solve(scene, method="certified", moments=self.moments)  # type: ignore[arg-type]
+            status = str(solution.status)
         else:  # two exact solvers as far as rounding lets them; all others if they fall short
             first, *others = default_ladder()
-            found = solve(scene, tolerance=1e-9, ladder=(first, *blockwise(1e-14)))
-            if found.gap > WIDTH and found.status.has_answer:
+            solution = solve(scene, tolerance=1e-9, ladder=(first, *blockwise(1e-14)))
+            if solution.gap > WIDTH and solution.status.has_answer:
                 more = solve(scene, tolerance=WIDTH, ladder=others)
-                found = min(found, more, key=lambda solution: solution.gap)
-            status = f"{'proved' if found.is_proved else 'bracketed'} to {found.gap:.1e}"
-        middle = 0.5 * (found.lower + found.upper) if found.bracket.has_both else None
-        return replace(Row.of(found, started), status=status, load_factor=middle)
+                solution = min(solution, more, key=attrgetter("gap"))
+            status = f"{'proved' if solution.is_proved else 'bracketed'} to {solution.gap:.1e}"
+        middle = 0.5 * (solution.lower + solution.upper) if solution.bracket.has_both else None
+        return replace(Row.of(solution, started), status=status, load_factor=middle)

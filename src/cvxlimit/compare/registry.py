@@ -39,8 +39,8 @@ def registry() -> dict[str, Method]:
     >>> [name for name in registry() if name.startswith("octagon-inscribed")]
     ['octagon-inscribed/corners/clarabel-qdldl/1e-8']
     """
-    made = [*_ladders(), *_solvers(), *_with_interaction(), *_other_physics()]
-    return {model.name: model for model in made}
+    models = [*_ladders(), *_solvers(), *_with_interaction(), *_other_physics()]
+    return {model.name: model for model in models}
 
 
 def _ladders() -> Iterator[Model]:
@@ -143,19 +143,19 @@ def of_surface(name: str) -> Model | None:
     """
     surface = name.removeprefix("cvxlimit/")
     try:
-        surfaces, known = surfaces_of(surface)
+        surfaces, named = surfaces_of(surface)
     except ModelError:
         return None
     has_facets = any(isinstance(s.cone, Facets) for s in surfaces)
-    side = "inside" if known.endswith("-inscribed") else "outside"
-    return Model(name, f"facets {side} the cone" if has_facets else f"cvxlimit, {known}", surface)
+    side = "inside" if named.endswith("-inscribed") else "outside"
+    return Model(name, f"facets {side} the cone" if has_facets else f"cvxlimit, {named}", surface)
 
 
 def of_facets(facets: Sequence[int]) -> list[Method]:
     """The cone, and polygons with so many facets outside and inside it."""
     sides = ("", "-inscribed")
-    made = [of_surface(f"{Facets.circumscribed(k)}{side}") for side in sides for k in facets]
-    return [Model("conic", "cvxlimit, conic"), *filter(None, made)]
+    models = [of_surface(f"{Facets.circumscribed(k)}{side}") for side in sides for k in facets]
+    return [Model("conic", "cvxlimit, conic"), *filter(None, models)]
 
 
 def choose(names: Iterable[str], among: Sequence[Method]) -> list[Method]:

@@ -55,8 +55,8 @@ class Convex(Method):
         return status
 
 
-def _with_proof(run: Run, found: Dilatancy) -> Dilatancy:
+def _with_proof(run: Run, dilatancy: Dilatancy) -> Dilatancy:
     """With the load factor below which nothing slides without dilatancy, as far as it is proved in
     the time that the answer has taken so far, or in two seconds."""
     bound = lower_bound(run, np.inf, seconds=max(PATIENCE, run.clock.elapsed)).load_factor
-    return found if run.is_boundless(bound) else replace(found, safe=bound)
+    return dilatancy if run.is_boundless(bound) else replace(dilatancy, safe=bound)

@@ -74,11 +74,11 @@ def standing(run: Run, model: str) -> ConvexSearch | None:
     search = ConvexSearch(run.auxiliary_run(), model)
     if not search.dead_load_falls():
         return search
-    found = search.held()
-    refuse_an_interval(found.factor)
+    end = search.held()
+    refuse_an_interval(end.factor)
     run.best, run.remarks = search.run.best, search.run.remarks
-    if found.remark:
-        run.remarks.append(found.remark)
+    if end.remark:
+        run.remarks.append(end.remark)
     return None
 
 
@@ -128,12 +128,12 @@ class ConvexSearch:
         self._state(None)
 
     def _state(self, dead_state: FloatArray | None) -> None:
-        run, found = self.run, self.reductions
+        run, reductions = self.run, self.reductions
         with run.clock.phase("compile"):
-            reduction = found.best(dead_state)
+            reduction = reductions.best(dead_state)
             run.reductions = reduction.names
             self.problem = self._given or LimitProblem(
-                found.assemblage, run.surfaces, reduction=reduction, repeats=run.repeats
+                reductions.assemblage, run.surfaces, reduction=reduction, repeats=run.repeats
             )
 
     @property
@@ -164,8 +164,10 @@ class ConvexSearch:
 
     def held(self) -> Held:
         """Finds with which part of the live load the dead load stands that does not stand alone."""
-        found = self.reductions
-        return held(self.run, found.assemblage, self.surfaces, found.best(), self.certifier)
+        reductions = self.reductions
+        return held(
+            self.run, reductions.assemblage, self.surfaces, reductions.best(), self.certifier
+        )
 
     def _between(self) -> Steps:
         """Finds both ends of the interval of load factors, where the dead load does not stand
@@ -176,20 +178,20 @@ class ConvexSearch:
         since 0 is not: no part of the live load helps then.
         """
         run, (alone,) = self.run, self.run.remarks[-1:]
-        falls, found = (run.best, run.remarks), self.held()
-        if found.state is None or not found.factor > 0.0:
-            run.remarks = [alone, found.remark] if found.remark else [alone]
+        falls, held_by = (run.best, run.remarks), self.held()
+        if held_by.state is None or not held_by.factor > 0.0:
+            run.remarks = [alone, held_by.remark] if held_by.remark else [alone]
             return Status.DEAD_LOAD_UNSTABLE
         run.best, run.remarks = Answer(bracket=Bracket(least=run.scaling.least)), []
-        self.refer_to(found.state, found.factor)
+        self.refer_to(held_by.state, held_by.factor)
         upper = yield from self._bounded()
         dead, live = run.assemblage.statics.dead, run.assemblage.statics.live
         turned = run.auxiliary_run(run.assemblage.under(dead, -live))
         back = ConvexSearch(turned, run.model, self.tolerance, self.budget)
-        back.refer_to(found.state, -found.factor)
+        back.refer_to(held_by.state, -held_by.factor)
         lower = yield from back._bounded()
         run.history += [about_the_lower_end(iterate) for iterate in turned.history]
-        end = lower_end(turned, found.factor)
+        end = lower_end(turned, held_by.factor)
         if run.best.bracket.upper < end.bracket.lower - run.scaling.least:
             run.best, run.remarks = falls  # each end excludes what the other one leaves
             return Status.DEAD_LOAD_UNSTABLE
@@ -258,31 +260,31 @@ class ConvexSearch:
         state = run.solve(self.problem.run, settings)
         if state.forces is not None and state.mechanism is None:
             self.without_duals.append(settings.name)
-        found = self.bracketed(state)
+        bounds = self.bracketed(state)
         # only now: a tighter bound with an assumption would hide the proved one
         internal = state.internal if self.certifier.strength.is_internal else None
         factor, forces = state.load_factor, state.forces
-        best = run.best.raised(found.lower, found.lower_is_proved, factor, forces, internal)
-        run.best = best.lowered(found.upper, found.upper_is_proved, state.mechanism)
+        best = run.best.raised(bounds.lower, bounds.lower_is_proved, factor, forces, internal)
+        run.best = best.lowered(bounds.upper, bounds.upper_is_proved, state.mechanism)
         figures = ("lower", "upper", "equilibrium_residual", "yield_excess", "flow_violation")
-        values = map(known, attrgetter(*figures)(found))
+        values = map(known, attrgetter(*figures)(bounds))
         run.note(state, settings, **dict(zip(figures, values, strict=True)))
         return state
 
     def bracketed(self, state: LimitState) -> Certificate:
         """The bracket of an answer, and of states to refer to that are sought where it needs
         them."""
-        found = self._certificate(state)
+        bounds = self._certificate(state)
         # a proved lower bound loses too much: a state deeper inside may narrow the bracket
-        is_close = found.lower_is_proved and found.lower > 0.5 * found.upper > 0.0
-        best = self.run.best.bracket.raised(found.lower, True).lowered(found.upper, False)
+        is_close = bounds.lower_is_proved and bounds.lower > 0.5 * bounds.upper > 0.0
+        best = self.run.best.bracket.raised(bounds.lower, True).lowered(bounds.upper, False)
         if is_close and not best.is_within(self.tolerance) and self._is_new("dead load"):
             self._dead_load_alone()
-            found = self._certificate(state)
-        if np.isfinite(found.upper) and not found.upper_is_proved and self._is_new("opening"):
+            bounds = self._certificate(state)
+        if np.isfinite(bounds.upper) and not bounds.upper_is_proved and self._is_new("opening"):
             self.solve_opening()
-            found = self._certificate(state)
-        return found
+            bounds = self._certificate(state)
+        return bounds
 
     def _is_new(self, question: str) -> bool:
         is_new = question not in self.asked
@@ -354,11 +356,11 @@ class ConvexSearch:
 
     def solve_opening(self) -> None:
         """Give the certifier rates that open every contact, unless blocks wedge each other."""
-        run, found = self.run, self.reductions
+        run, reductions = self.run, self.reductions
         run.tell("checking that blocks do not wedge each other")
         with run.clock.phase("compile"):
-            goal, whole = largest_self_stress, found.best()
-            problem = LimitProblem(found.assemblage, self.surfaces, goal=goal, reduction=whole)
+            goal, whole = largest_self_stress, reductions.best()
+            problem = LimitProblem(reductions.assemblage, self.surfaces, goal=goal, reduction=whole)
         for settings in problem.ladder()[:SOLVERS_ASIDE]:
             state = run.solve(partial(problem.run, has_rows=False), settings)
             run.note(replace(state, load_factor=None), f"{settings}, self-stress")
@@ -382,14 +384,14 @@ class ConvexSearch:
             goal = LargestFactor(most=1.0)
             problem = LimitProblem(alone, surfaces, reduction=reduction, goal=goal)
         for state, certificate in self._shares(problem, "live load alone", formulation, False):
-            given = self.certifier.given(state)
-            if given is not None and state.load_factor and state.load_factor > 0.5:
+            carrying = self.certifier.given(state)
+            if carrying is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
                     strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
-                    forces = carried_exactly(loaded, strength_of, given / state.load_factor)
+                    forces = carried_exactly(loaded, strength_of, carrying / state.load_factor)
                 if forces is not None:
-                    found = carried_by_dilatancy(run)
-                    run.best = replace(run.best, forces=forces, mechanism=None, dilatancy=found)
+                    dilatancy = carried_by_dilatancy(run)
+                    run.best = replace(run.best, forces=forces, mechanism=None, dilatancy=dilatancy)
                     return True
             elif certificate().upper < 0.5:
                 break

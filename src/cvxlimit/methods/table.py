@@ -103,17 +103,17 @@ def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str,
             f"method {asked.name!r} goes with surface {' or '.join(row.surfaces)}, got "
             f"{_called(surface)}: that goes with method {' or '.join(map(repr, takes))}"
         )
-    given = {name: value for name, value in settings.items() if value is not None}
-    for name, value in given.items():
+    own_settings = {name: value for name, value in settings.items() if value is not None}
+    for name, value in own_settings.items():
         if not hasattr(asked, name):
             has = [other for other, row in TABLE.items() if hasattr(row.method, name)]
             raise ModelError(
                 f"{name} does nothing for method {asked.name!r}, got {value!r}: leave it out, or "
                 f"take method {' or '.join(map(repr, has))}"
             )
-    if "tolerance" in given:
-        ratio(given["tolerance"], "tolerance")
-    return replace(asked, **given) if given else asked
+    if "tolerance" in own_settings:
+        ratio(own_settings["tolerance"], "tolerance")
+    return replace(asked, **own_settings) if own_settings else asked
 
 
 def check(what: str, run: Run, takes: Collection[str]) -> None:

@@ -79,15 +79,6 @@ class Part:
             and not self.is_force
         )
 
-    def resultant_map(self, contacts: int) -> sp.csr_array:
-        """Contact forces (6 n, k) per unit."""
-        k = len(self.contact)
-        rows, values = np.zeros((2, len(self.components), k))
-        for i, (component, value) in enumerate(self.components.items()):
-            rows[i], values[i] = len(COMPONENTS) * self.contact + COLUMN[component], value
-        index = rows.astype(int).ravel(), np.tile(np.arange(k), len(rows))
-        return sp.csr_array((values.ravel(), index), shape=(len(COMPONENTS) * contacts, k))
-
 
 @dataclass(frozen=True, eq=False)
 class ForceModel:
