@@ -1,4 +1,4 @@
-"""How much model a scene gets: which reductions are valid, what they make of it, and a word on it.
+"""The choice of a model: which reductions of a scene are valid, the reduced model, and ``explain``.
 
 Supports part a scene: blocks that are linked through contacts with free blocks only stand or fall
 together. A part without live load carries its dead load at every load factor in the same way.
@@ -46,10 +46,10 @@ above rounding, which :func:`find_plane` judges."""
 
 @dataclass(frozen=True, eq=False)
 class Reductions:
-    """What is valid for a scene under given surfaces.
+    """The reductions that are valid for a scene under given surfaces.
 
-    Forces of a planar one are balanced within its plane. ``loaded`` (free blocks,) are blocks in
-    parts with live load, None if all are.
+    ``plane`` and ``mirror`` are None where the scene is not planar or symmetric. ``loaded``
+    (free blocks,) is True for blocks in parts with live load, and None if all parts have some.
     """
 
     assemblage: Assemblage
@@ -66,10 +66,10 @@ class Reductions:
         formulation: Formulation = corner_compressions,
         model: str = "auto",
     ) -> Reductions:
-        """All that are valid and pay, or all that are valid for ``model="least"``; none for
-        ``"full"``, for formulations of one's own, for stone that crushes, whose conditions are on
-        internal forces of its own, and for guided blocks and ties, which need not lie in the plane
-        or the mirror.
+        """Returns the reductions that are valid and pay, or all that are valid for
+        ``model="least"``. There are none for ``"full"``, for formulations of one's own, for stone
+        that crushes, whose conditions are on internal forces of its own, and for guided blocks and
+        ties, which need not lie in the plane or the mirror.
         """
         crushes = np.isfinite(assemblage.contacts.compressive_strength).any()
         is_free = assemblage.statics.guide is None and not assemblage.scene.ties
@@ -97,6 +97,7 @@ class Reductions:
         return cls(assemblage, formulation, plane, mirror, None if loaded.all() else loaded)
 
     def steps(self, dead_state: FloatArray | None) -> Iterator[Reduction]:
+        """Yields the full model, and the models with one reduction more at a time."""
         step = replace(self, plane=None, mirror=None, loaded=None)
         yield step.best()
         for name in ("loaded", "mirror", "plane"):
@@ -105,7 +106,8 @@ class Reductions:
                 yield step.best(dead_state)
 
     def best(self, dead_state: FloatArray | None = None) -> Reduction:
-        """The smallest model; parts are left out only if a state (n, 6) shows that they stand."""
+        """Returns the smallest model. Parts without live load are left out only if forces (n, 6)
+        that carry the dead load show that they stand."""
         statics, plane, mirror = self.assemblage.statics, self.plane, self.mirror
         full = Reduction.none(statics, self.formulation)
         blocks = None if dead_state is None else self.loaded
@@ -138,6 +140,8 @@ class Reductions:
 
 
 def _forces(mirror: Mirror | None, kept: BoolArray) -> sp.csr_array:
+    """Returns the matrix that gives the forces (6 n,) of all contacts from those of ``kept``
+    ones."""
     width = len(COMPONENTS)
     whole = sp.eye_array(width * len(kept), format="csc") if mirror is None else mirror.forces
     return whole[:, np.flatnonzero(np.repeat(kept, width))].tocsr()
@@ -164,8 +168,8 @@ def _rates(
 
 
 def _ways(across: FloatArray | None, mirror: FloatArray | None) -> FloatArray:
-    """Motions along a frame that holds both normals, and turns about its axes, row by row; those
-    within a plane only, of which ``across`` is the normal."""
+    """Returns the ways (k, 6) in which a block may move, one per row: along and about the axes of a
+    frame that has both normals among them; only those within the plane with normal ``across``."""
     normals = [normal for normal in (mirror, across) if normal is not None]
     if not normals:
         return np.eye(DOF)
@@ -182,6 +186,7 @@ def _ways(across: FloatArray | None, mirror: FloatArray | None) -> FloatArray:
 
 
 def loaded_blocks(statics: Statics) -> BoolArray:
+    """Returns which free blocks are in a part with live load."""
     is_live = np.any(statics.live.reshape(-1, DOF), axis=1)
     if is_live.all():
         return is_live
@@ -195,6 +200,7 @@ def loaded_blocks(statics: Statics) -> BoolArray:
 
 
 def contacts_of(statics: Statics, blocks: BoolArray) -> BoolArray:
+    """Returns which contacts (n,) touch one of the free blocks for which ``blocks`` is True."""
     member = np.append(blocks, False)
     number, contacts = statics.row_of_block, statics.contacts
     return np.asarray(member[number[contacts.a]] | member[number[contacts.b]])

@@ -33,10 +33,16 @@ put down to rounding: built-in scenes with a mirror plane, turned at random, sta
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
-    """A plane of symmetry and what it makes of blocks and contacts.
+    """A plane of symmetry and the partners of blocks and contacts.
 
-    ``blocks`` (free blocks,) and ``contacts`` (n,) are the partners of each, itself on the plane;
-    ``carried`` (n, 6, 6) forces of the partner per forces of the contact, for mirrored states.
+    Attributes
+    ----------
+    normal : (3,)
+        Unit normal of the plane.
+    blocks, contacts : (free blocks,) and (n,)
+        The number of each one's mirror image, its own number where it is its own image.
+    carried : (n, 6, 6)
+        Maps forces V1 V2 N M1 M2 MT of a contact to those of its partner in the mirrored state.
     """
 
     normal: FloatArray
@@ -50,8 +56,9 @@ class Mirror:
 
     @property
     def forces(self) -> sp.csr_array:
-        """Forces of all contacts (6 n, 6 n) per forces of those with the lower number of a pair,
-        of which there is the symmetric part only where a contact is its own partner."""
+        """The matrix (6 n, 6 n) that gives the forces of all contacts from those of the contacts
+        with the lower number of a pair; of a contact that is its own partner it takes the symmetric
+        part. Columns of the others are zero."""
         width = len(COMPONENTS)
         each = np.arange(len(self.contacts))
         first = np.flatnonzero(each <= self.contacts)
@@ -73,7 +80,8 @@ class Mirror:
 def find_mirror(
     statics: Statics, surfaces: Sequence[YieldSurface], across: FloatArray | None = None
 ) -> Mirror | None:
-    """``across`` is the normal of a planar scene's plane, a mirror plane that halves nothing."""
+    """Returns a mirror plane of a scene under these surfaces, or None. ``across`` is the normal of
+    a planar scene's plane, which is a mirror plane too, but halves nothing."""
     free = statics.centroids[statics.row_of_block >= 0]
     size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
     for normal in _candidates(statics, free):
@@ -88,6 +96,8 @@ def find_mirror(
 
 
 def _candidates(statics: Statics, free: FloatArray) -> Iterator[FloatArray]:
+    """Yields unit normals of possible mirror planes: across both loads, along the principal axes of
+    the centroids ``free`` (free blocks, 3), along x, y and z."""
     dead, live = (f.reshape(-1, DOF)[:, :3].sum(axis=0) for f in (statics.dead, statics.live))
     spread = np.linalg.eigh(np.cov(free.T))[1].T if len(free) > 1 else np.eye(3)
     both = np.cross(dead, live)
@@ -96,6 +106,7 @@ def _candidates(statics: Statics, free: FloatArray) -> Iterator[FloatArray]:
 
 
 def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float) -> Mirror | None:
+    """Returns the mirror with this normal if blocks, loads, contacts and corners have partners."""
     reflection = reflected(normal)
     turn = reflection[:3, :3]
     loads = [load.reshape(-1, DOF) for load in (statics.dead, statics.live)]
@@ -151,6 +162,7 @@ def _is_askew(places: FloatArray, normal: FloatArray, size: float) -> bool:
 
 
 def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:
+    """Returns which of the places (n, k) each image (n, k) is at; None if one is at none."""
     tree = cKDTree(places, balanced_tree=False, compact_nodes=False)
     distance, found = map(np.asarray, tree.query(images, distance_upper_bound=2.0 * near))
     if distance.max() > near or not np.bincount(found, minlength=len(places)).all():
@@ -243,6 +255,7 @@ def coefficients(form: LinearForm, contacts: int) -> FloatArray | None:
 
 
 def _images(rows: FloatArray, partner: IntArray, carried: FloatArray) -> FloatArray:
+    """Returns the linear forms (n, 7) of the partners, as forms on the contacts' own forces."""
     image = rows[partner]
     image[:, :6] = np.einsum("ni,nik->nk", image[:, :6], carried)
     return image

@@ -126,16 +126,20 @@ class LeastThrust:
 
 
 class _Thrusts:
-    """What is known of the least thrusts of all joints: bounds from below that are linear in the
-    load factor, proved, and states, which bound them from above between their load factors."""
+    """Bounds on the least thrust of every joint, its least compression at a load factor.
+
+    ``lines`` are proved bounds from below that are linear in the load factor: constant, slope and
+    rounding (n,) each. ``pressed_by_factor`` has the compressions (n,) of admissible states, which
+    are bounds from above at their load factors, and between those of two states.
+    """
 
     def __init__(self, count: int) -> None:
         self.lines = [(np.zeros(count), np.zeros(count), np.zeros(count))]  # none is below zero
-        self.known: dict[float, FloatArray] = {}
+        self.pressed_by_factor: dict[float, FloatArray] = {}
 
     def least(self, start: float, end: float) -> FloatArray:
-        """Proved for all load factors from ``start`` to ``end``: the least of the greatest line,
-        which is at an end, or where two lines cross."""
+        """Returns the bounds (n,) from below that hold for all load factors from ``start`` to
+        ``end``: the least value of the greatest line, at an end or where two lines cross."""
         largest = max(abs(start), abs(end))
         constant, slope, rounding = (np.array(part) for part in zip(*self.lines, strict=True))
         constant = constant - largest * rounding
@@ -149,17 +153,18 @@ class _Thrusts:
         return found
 
     def show(self, factor: float, pressed: FloatArray) -> None:
-        """A state with compressions (n,) at a load factor."""
-        before = self.known.get(factor)
-        self.known[factor] = pressed if before is None else np.minimum(before, pressed)
+        """Add an admissible state with compressions ``pressed`` (n,) at a load factor."""
+        before = self.pressed_by_factor.get(factor)
+        self.pressed_by_factor[factor] = pressed if before is None else np.minimum(before, pressed)
 
     def shown(self, factor: float) -> FloatArray:
-        """No least thrust at a load factor is above that of a mean of two states."""
-        result = self.known.get(factor)
+        """Returns the bounds (n,) from above at a load factor: those of states, and of means of two
+        states, which are admissible as well."""
+        result = self.pressed_by_factor.get(factor)
         count = len(self.lines[0][0])
         found = np.full(count, np.inf) if result is None else result
-        for low, below in self.known.items():
-            for high, above in self.known.items():
+        for low, below in self.pressed_by_factor.items():
+            for high, above in self.pressed_by_factor.items():
                 if low < factor < high:
                     share = (factor - low) / (high - low)
                     found = np.minimum(found, (1.0 - share) * below + share * above)
@@ -167,7 +172,7 @@ class _Thrusts:
 
 
 class _Search:
-    """Least thrusts sought, and what they exclude."""
+    """The search of one run: rounds of least thrusts, and the load factors that they exclude."""
 
     def __init__(
         self, run: Run, upper: float, states: Iterable[tuple[FloatArray, float]], seconds: float
@@ -200,7 +205,8 @@ class _Search:
             self.certifier = Certifier(found.assemblage, run.surfaces)
 
     def bound(self) -> LowerBound:
-        """Rounds of least thrusts at the bound reached, until they raise it no more."""
+        """Returns the bound after rounds of least thrusts, each at the bound so far, until a round
+        hardly raises it."""
         a, forces, rounds, is_cut = 0.0, None, 0, False
         while a < self.upper:
             rounds += 1
@@ -224,8 +230,8 @@ class _Search:
     # Least thrusts
 
     def _tighten(self, factor: float) -> bool:
-        """Ask for the least thrust of every joint at a load factor whose value is open; True if the
-        time ended before."""
+        """Seek the least thrust at a load factor of every joint whose bounds are still apart;
+        returns True if the time ended before."""
         lost = _LOST * self.part.scaling.force / len(self.kept)
         self.factor, self.at.value = factor, factor / self.part.scaling.load_factor(1.0)
         is_asked = self._friction() == 0.0  # or need not be
@@ -270,6 +276,7 @@ class _Search:
         return np.asarray(self.part.contacts.friction)
 
     def _asked(self, weight: FloatArray) -> LimitState | None:
+        """Returns the state with the least sum of compressions times ``weight`` (n,), or None."""
         self.weight.value = weight
         state = self._solved(self.problem)
         if state.forces is None:
@@ -286,8 +293,9 @@ class _Search:
     def _excluded(
         self, a: float, forces: FloatArray | None
     ) -> tuple[float, FloatArray | None, bool]:
-        """The end of what is excluded from ``a`` on, by intervals that are halved where friction of
-        their least thrusts does not reach their end."""
+        """Returns the end of the load factors that are excluded from ``a`` on, the forces that show
+        it, and whether the time ended first. Intervals are excluded one after the other; one is
+        halved where friction of its least thrusts does not carry its end."""
         width = self.upper - a if np.isfinite(self.upper) else self.part.scaling.ratio
         while a < self.upper and not self.run.is_boundless(a):
             end = min(a + width, self.upper)
@@ -311,8 +319,8 @@ class _Search:
         return a, forces, False
 
     def _carried(self, pressed: FloatArray, most: float) -> tuple[float, FloatArray | None]:
-        """The load factor, ``most`` at most, that is carried with friction of such compressions,
-        proved, and the forces."""
+        """Returns the proved load factor, at most ``most``, that friction of these compressions
+        (n,) carries, and the forces (n, 6); -inf where nothing is proved."""
         surfaces = tresca(self.run.surfaces, pressed)
         with self.run.clock.phase("compile"):
             found = self._reduced(surfaces)
