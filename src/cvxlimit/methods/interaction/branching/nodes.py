@@ -40,9 +40,23 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """Boxes (n, 2, 2) of pressure centres: a certified ``bound`` with its ``mechanism``, the
-    relaxation's ``forces`` and ``load_factor``, and pieces of disjuncts ``added`` by pricing;
-    ``halfway`` is where the solver may start for its parts."""
+    """One box of pressure centres per contact, and what is known of the load factor within them.
+
+    Attributes
+    ----------
+    bound : float
+        A certified upper bound on the load factor.
+    boxes : (n, 2, 2)
+        Per contact and axis the two ends of the range, as fractions of the half extent.
+    added : tuple of ColumnBlock
+        Disjuncts that pricing has added to those of the boxes.
+    forces, load_factor : (n, 6) or None, and float
+        The answer of the relaxation.
+    mechanism : (free blocks, 6) or None
+        The mechanism that proves ``bound``.
+    halfway : Halfway or None
+        A point of the solver's from which the solves of its parts may start.
+    """
 
     bound: float
     boxes: FloatArray
@@ -53,7 +67,7 @@ class Node:
     halfway: Halfway | None = None
 
     def without(self, *contacts: int) -> tuple[ColumnBlock, ...]:
-        """What was added of other contacts."""
+        """Returns the added disjuncts of all but these contacts."""
         return tuple(piece for piece in self.added if piece.members.key[0] not in contacts)
 
 
@@ -77,8 +91,8 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """What came of a node: those still open, the largest bound of what was closed, what it cost,
-    and the names of the solvers that ran in its process so far."""
+    """The result of exploring nodes: the nodes still ``open``, the largest bound of those that were
+    ``closed``, the number of ``solves``, and the names of all ``solvers`` that ran so far."""
 
     open: tuple[Node, ...]
     closed: float
@@ -122,8 +136,9 @@ class Relaxer:
         return Explored(still, closed, self.solves, frozenset(self.solvers))
 
     def evaluated(self, nodes: Sequence[Node], goal: Goal) -> list[Node]:
-        """Solve, certify, add disjuncts, all nodes in step: calls of NumPy take hardly longer for
-        several. A solver's failure leaves the bound and forces as given."""
+        """Returns the nodes after they were solved, certified and given the disjuncts they miss.
+        All take each step together, since a call of NumPy takes hardly longer for several. Where a
+        solver fails, bound and forces stay as they were."""
         every = self.pieces([node.boxes for node in nodes])
         parts = [_Part(self, *given, goal) for given in zip(nodes, every, strict=True)]
         left = parts
@@ -138,6 +153,7 @@ class Relaxer:
         return [part.node for part in parts]
 
     def _foresee(self, parts: Sequence[_Part]) -> None:
+        """Compute the flow rule's answers for all mechanisms at once, before certificates ask."""
         powers = [float(self.statics.live @ part.mechanism.ravel()) for part in parts]
         asked = {
             part.flow: self.statics.relative_rates(part.mechanism / power)  # as certificates do
@@ -150,7 +166,7 @@ class Relaxer:
             self.flow.ask_together(list(asked), list(asked.values()), opening)
 
     def _add(self, parts: Sequence[_Part]) -> None:
-        """Give the parts' nodes the disjuncts that they miss."""
+        """Give the nodes the disjuncts that they miss."""
         missed = Disjuncts.none().joined(*(part.missed for part in parts))
         if not len(missed):
             return
@@ -162,7 +178,7 @@ class Relaxer:
             parts[number].node = replace(node, added=(*node.added, piece))
 
     def pieces(self, every: Sequence[FloatArray]) -> list[list[ColumnBlock]]:
-        """The pieces of several boxes (n, 2, 2), of which most are known."""
+        """Returns the column blocks of several boxes (n, 2, 2); most are in the cache already."""
         number = np.arange(len(self.contacts))
         keys = [box_keys(boxes, number) for boxes in every]
         if len(self._pieces) > BRANCH.kept:
@@ -193,7 +209,7 @@ class Relaxer:
         return state
 
     def speeds(self, mechanism: FloatArray) -> FloatArray:
-        """Slip and twist of contacts (n,) for unit live power."""
+        """Returns the speed of slip and twist of each contact (n,) at live power 1."""
         rates = self.statics.relative_rates(mechanism)
         speed: FloatArray = np.hypot(rates[:, 0], rates[:, 1])
         speed = speed + self.contacts.torsion_arm * np.abs(rates[:, COLUMN["MT"]])
@@ -201,7 +217,7 @@ class Relaxer:
 
 
 class _Part:
-    """A node that is being evaluated."""
+    """A node that is being evaluated, with its pieces, its flow rule and its certifier."""
 
     mechanism: FloatArray
 
@@ -214,6 +230,7 @@ class _Part:
         self.missed, self.is_stuck = Disjuncts.none(), False
 
     def is_solved(self) -> bool:
+        """Solve the relaxation; returns True if it has an answer with a mechanism."""
         node, goal = self.node, self.goal
         pieces = [*self.pieces, *node.added]
         state = self.relaxer.solve(pieces, goal.price, start=node.halfway, enough=goal.cut)
@@ -225,7 +242,7 @@ class _Part:
         return True
 
     def misses(self) -> bool:
-        """True if disjuncts are missed, after the bound has been certified."""
+        """Certify the bound; returns True if disjuncts are missed that would lower it."""
         found = self.certifier.certificate(self.node.forces, None, self.mechanism).upper
         if found < self.node.bound:
             self.node = replace(self.node, bound=found, mechanism=self.mechanism)
@@ -238,9 +255,10 @@ class _Part:
         return len(self.missed) > 0
 
     def widen(self) -> None:
-        """A mechanism of slightly wider boxes. Where statics hold a pressure centre at the end of
-        its range no state is strictly inside, and mechanisms of any speed are optimal: what
-        rounding leaves of those that solvers end at is worth more than the gap."""
+        """Take the bound of a mechanism of slightly wider boxes, if it is lower. Where statics hold
+        a pressure centre at the end of its range no state is strictly inside, and mechanisms of any
+        speed are optimal: what rounding leaves of those that solvers end at is worth more than the
+        gap."""
         boxes = self.node.boxes
         reach = BRANCH.widened * np.ptp(boxes, axis=2, keepdims=True)
         outward = np.where(boxes[..., :1] > boxes[..., 1:], [1.0, -1.0], [-1.0, 1.0])
@@ -254,8 +272,8 @@ class _Part:
 
 
 def scores(relaxer: Relaxer, node: Node, at_rest: float) -> FloatArray:
-    """How much contacts (n,) of a solved node carry of the gap: excess of Eq. 30 times speed, of
-    which those at rest have a share ``at_rest`` of the largest."""
+    """Returns how much of the gap each contact (n,) of a solved node carries: excess of Eq. 30
+    times speed, of which those at rest have a share ``at_rest`` of the largest."""
     assert node.forces is not None
     assert node.mechanism is not None
     width = np.ptp(node.boxes, axis=2).max(axis=1)
@@ -302,6 +320,7 @@ def choice(relaxer: Relaxer, node: Node) -> Split | None:
 
 
 def _place(relaxer: Relaxer, node: Node, forces: FloatArray, contact: int) -> Split:
+    """Returns the split of a contact's box near the pressure centre of the forces (n, 6)."""
     centre = centres(forces, relaxer.contacts)[contact]
     box, centre = relaxer.moments.folded(node.boxes[contact], centre)
     low, high = box.T
@@ -314,6 +333,7 @@ def _place(relaxer: Relaxer, node: Node, forces: FloatArray, contact: int) -> Sp
 
 
 def _widest(relaxer: Relaxer, node: Node) -> Split | None:
+    """Returns the split of the widest range in its middle; None if none is left to be split."""
     width = np.ptp(node.boxes, axis=2)
     contact, axis = (int(i) for i in np.unravel_index(int(width.argmax()), width.shape))
     if width[contact, axis] <= BRANCH.narrowest:

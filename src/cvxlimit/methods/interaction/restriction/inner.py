@@ -187,6 +187,8 @@ class InnerMethod(SafeProblems):
             yield self.frozen(self._boxes(best).centre)
 
     def _settled(self, start: FloatArray | None) -> Iterator[InnerIterate]:
+        """Yields the solves of :meth:`_settling`; safe steps follow where none of them had a
+        bound."""
         point, has_bound = self.middle, False
         for iterate in self._settling(start):
             yield iterate
@@ -274,6 +276,8 @@ class InnerMethod(SafeProblems):
             before = here
 
     def _after_long(self, point: Point) -> Iterator[InnerIterate]:
+        """A safe step at a point; if it has a bound, long steps with a share of the curvature while
+        they gain enough; then safe steps from where they end."""
         first = self.safe(point)
         yield first
         if first.state.forces is not None and first.is_safe:
@@ -311,6 +315,8 @@ class InnerMethod(SafeProblems):
 
 
 def _predicted(gains: Sequence[float]) -> float:
+    """Returns how much further steps may gain in all, if gains go on to shrink by the last
+    ratio."""
     before, last = gains[-2], max(gains[-1], 0.0)
     if not 0.0 < before < np.inf:
         before = 2.0 * last  # nothing to go by: as if gains were halved each time

@@ -41,11 +41,11 @@ class StepState(LimitState):
 
 
 class SafeStep:
-    """With a ``half`` of a symmetric scene steps are restricted to that; answers are those of the
-    whole. Solvers that start from the step before find that in a cache.
+    """Solves the convex problem of a step at a point, in one reading of Eq. 30.
 
-    ``stated`` has the problems that were stated, by whether slack has a price, and whether the load
-    factor a bound: their ``parameters`` are those of a point.
+    With a ``half`` of a symmetric scene the problem is that of the half, and answers are those of
+    the whole. ``stated`` keeps each problem that was stated, by whether slack has a price and
+    whether the load factor has a bound; at another point only its ``parameters`` change.
     """
 
     def __init__(
@@ -71,8 +71,9 @@ class SafeStep:
         curvature: float = 1.0,
         most: float | None = None,
     ) -> StepState:
-        """The load factor, at most ``most``, less ``price`` x slack; None: no slack. Then, with all
-        of the rows' ``curvature``, every answer is safe; with a share of it steps are longer."""
+        """Returns the state with the largest load factor, at most ``most``, less ``price`` times
+        slack. Without a price there is no slack: then every answer is safe with the full
+        ``curvature`` 1.0 of the rows; with a share of it steps are longer."""
         step = self.at(point, price, curvature, most)
         state = step.problem.run(settings, has_rows=True)
         if state.forces is None:
@@ -93,7 +94,7 @@ class SafeStep:
         curvature: float = 1.0,
         most: float | None = None,
     ) -> StatedStep:
-        """The problem with its Parameters set."""
+        """Returns the problem with its Parameters set to the values for a point."""
         key = price is not None, most is not None
         if key not in self.stated:
             self.stated[key] = StatedStep(self, *key, self._cache)
@@ -101,6 +102,8 @@ class SafeStep:
         return self.stated[key]
 
     def point(self, forces: FloatArray, otherwise: Point, least: float) -> Point:
+        """Returns the point of forces (n, 6), in the columns V1 V2 N M1 M2 MT; ``otherwise`` for
+        contacts that carry less than ``least``."""
         inner = self.rectangles.inward(forces / self.scaling.forces(np.ones_like(forces)))
         return Point.of(inner, self.statics.contacts, otherwise, least)
 
