@@ -17,7 +17,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, single_block, stack
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.paths import proof
-from cvxlimit.paths.increment import Increment, Loads
+from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.path import Configuration, rotation
 from cvxlimit.paths.points import Start
 from cvxlimit.scene.loads import PointForce, Pressure
@@ -156,6 +156,29 @@ def test_a_notched_block_rocks_on_the_rim_of_its_notch() -> None:
     toe, way = np.hypot(0.3 - x, z), np.arctan2(0.3 - x, z)
     exact = [np.tan(np.arcsin(np.sin(way) - w / toe)) for w in path.w]
     assert path.load_factor == pytest.approx(exact, abs=1e-8)
+
+
+@pytest.mark.parametrize("roll", [0.0, 1e-8, -1e-8, 1e-7])
+@pytest.mark.parametrize("twist", [0.0, 1e-3, 0.1])
+def test_an_edge_across_a_rail_bears_on_the_rail_however_little_it_is_rolled(
+    roll: float, twist: float
+) -> None:
+    """A bar on its edge, longer than the rail is wide: moments about the edge have the answer, and
+    the rail's own normal lets friction carry it."""
+    left = 0.1  # of the way to where the centroid is above the edge
+    rail = Block.box("rail", (-1, -0.1, -1), (1, 0.1, 0))
+    bar = Block.box("bar", (0, -0.5, 0), (0.4, 0.5, 1), density=20)
+    scene = Scene([rail, bar], ["rail"], PUSH, friction=1.1 * np.tan(left))
+    turn = Rotation.from_euler("yzx", [np.arctan(0.4) - left, twist, roll])
+    edge, centroid = np.array([0.4, 0, abs(np.tan(roll)) * 0.1]), np.array([0.2, 0, 0.5])
+    move = edge + turn.apply(centroid - [0.4, 0, 0]) - centroid
+    begin = Start.first(scene, 0.1)
+    pose = begin.pose.moved(scene.free, np.concatenate([move, turn.as_rotvec()])[None])
+    points = begin.points(pose)
+    points = points.take(points.gap <= 1e-6)
+    found = Increment(scene, points, pose, Loads(scene)).solve(None)
+    assert isinstance(found, Found)
+    assert found.load_factor == pytest.approx(np.tan(left) / np.cos(twist), rel=1e-5)
 
 
 def test_a_facet_that_is_not_convex_carries_on_its_prongs() -> None:

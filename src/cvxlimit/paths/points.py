@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.paths.pairs import OPPOSED, Facets, Pairs, Pose
+from cvxlimit.paths.pairs import Facets, Pairs, Pose
 from cvxlimit.paths.path import CLOSED, Points
 from cvxlimit.scene import Scene
 
@@ -111,10 +111,10 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     corner = [np.flatnonzero(over) for over in is_over]
     pair_of = [pairs.pair[0][corner[0]], pairs.pair[1][corner[1]], pairs.pair[0][i]]
     crossing = tail[0][i] + s * along[0][i], tail[1][j] + t * along[1][j]
-    unit, is_own = _common(pairs, pose, (i, j), normal, (along[0][i], along[1][j]), mean)
+    crossed_by = _ways(pairs, pose, (i, j), normal, (along[0][i], along[1][j]), mean)
     ways = -normal[1][pair_of[0]], normal[0][pair_of[1]]
     at = [tail[0][corner[0]], tail[1][corner[1]], 0.5 * (crossing[0] + crossing[1])]
-    n = np.concatenate([*ways, np.where(is_own[:, None], unit, mean[pair_of[2]])])
+    n = np.concatenate([*ways, crossed_by])
     above = np.concatenate([
         plane[1][pair_of[0]] - at[0], at[1] - plane[0][pair_of[1]], crossing[1] - crossing[0],
     ])  # fmt: skip
@@ -139,24 +139,32 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     return Points(a, b, x, axes, gap, slip, facets.friction(a, b)), pair, number
 
 
-def _common(
+def _ways(
     pairs: Pairs, pose: Pose, at: tuple[IntArray, IntArray], normal: FloatArray,
     along: tuple[FloatArray, FloatArray], mean: FloatArray,
-) -> tuple[FloatArray, BoolArray]:  # fmt: skip
-    """Common perpendiculars (k, 3) of crossing edges ``at`` of both sides, and whether they part
-    the two blocks there: each must be a normal of both edges, between those of their two faces.
-    Edges that lie along each other have some perpendicular or other, which says nothing."""
+) -> FloatArray:  # fmt: skip
+    """Directions (k, 3) of the gaps at crossing edges ``at`` of both sides, the same for every pair
+    of facets that these edges belong to: the edges' common perpendicular, where it lies between
+    the normals of the two faces at each edge. Where it lies beyond one of them, the edges cross on
+    that face, and its normal it is: an edge that slides on a face keeps one normal. Beyond faces of
+    both sides nothing touches there, and the pair's mean normal says how far the facets are apart.
+    """
     pair = pairs.pair[0][at[0]]
     across = np.cross(*along)
-    length = np.linalg.norm(across, axis=1)
-    towards = np.einsum("kx,kx->k", across, mean[pair])
-    is_own = np.abs(towards) > -OPPOSED * length
-    unit = across / np.where(is_own, np.copysign(length, towards), 1.0)[:, None]
-    for k, way in ((0, unit), (1, -unit)):
-        beyond = pose.turned(pairs.block[k][pair], pairs.beside[k][at[k]])
-        for inward in (np.cross(normal[k][pair], along[k]), np.cross(along[k], beyond)):
-            is_own &= np.einsum("kx,kx->k", way, inward) <= NEAR * np.linalg.norm(along[k], axis=1)
-    return unit, is_own
+    towards = np.copysign(1.0, np.einsum("kx,kx->k", across, mean[pair]))
+    way = _unit(across) * towards[:, None]
+    chosen, is_beyond = way.copy(), np.zeros((2, len(way)), dtype=bool)
+    for k, sign in ((0, 1.0), (1, -1.0)):
+        own = normal[k][pair]
+        beside = pose.turned(pairs.block[k][pair], pairs.beside[k][at[k]])
+        least = NEAR * np.linalg.norm(along[k], axis=1)
+        inwards = np.cross(own, along[k]), np.cross(along[k], beside)
+        for face, inward in zip((own, beside), inwards, strict=True):
+            beyond = sign * np.einsum("kx,kx->k", way, inward) > least
+            chosen[beyond] = sign * face[beyond]
+            is_beyond[k] |= beyond
+    is_apart = is_beyond.all(axis=0) | (np.einsum("kx,kx->k", chosen, mean[pair]) <= 0.0)
+    return np.where(is_apart[:, None], mean[pair], chosen)
 
 
 def _widths(pair: IntArray, x: FloatArray, basis: FloatArray) -> FloatArray:
