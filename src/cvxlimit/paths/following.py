@@ -164,7 +164,7 @@ class Walk:
                     return _Failed(w, "not-converged", moved)
                 return found
             # Where mechanisms compete, whole iterates go to and fro between them.
-            share = min(1.0, 2.0 * share) if size < before else max(0.5 * share, 0.125)
+            share = min(1.0, 2.0 * share) if size < 0.5 * before else max(0.5 * share, 0.125)
             before = size
             if iterate >= _FEW and size > _FAR:
                 break
