@@ -14,7 +14,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces
 from cvxlimit.geometry.nearby import nearby_pairs
-from cvxlimit.geometry.shells import outward
+from cvxlimit.geometry.orientation import outward
 
 
 def check_faces(

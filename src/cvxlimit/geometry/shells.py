@@ -1,9 +1,14 @@
 """Shells: which faces of a mesh bound the same piece of material, and on which side it lies.
 
-At an edge of two faces both bound the same material. At an edge of four or more, where a body
-touches itself or several bodies meet, the faces stand around it in turn, and those on either side
-of a wedge of material belong together. Nothing is taken from how faces are turned where their
-places say enough: files turn them inwards, or one body so and the next one otherwise.
+Two faces that share an edge with no third face bound the same material: faces connected across
+such edges form a *sheet*. Four or more faces meet at an edge where a body touches itself or where
+several bodies touch. Sorted by their angle about the edge, they enclose wedges that are material
+and empty in turn, and the two faces of a wedge of material belong to the same *shell*. The
+orientation of faces in a file is used only where their positions leave a choice, since programs
+write faces that are oriented inwards, or differently from one body to the next.
+
+A *side* is a directed edge of a face, as in :class:`~cvxlimit.geometry.mesh.EdgeTable`. All numbers
+of faces, sides, edges, sheets and shells start from 0; points are in the scene's length unit.
 """
 
 from __future__ import annotations
@@ -16,16 +21,26 @@ import numpy as np
 
 import cvxlimit.geometry.mesh as mesh
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, EdgeTable, Faces
 from cvxlimit.geometry.nearby import nearby_pairs
 
 
 @dataclass(frozen=True, eq=False)
 class Shells:
-    """Of all faces (f,): their ``shell``, whether they are ``turned`` so that normals point out of
-    the material, and whether the shell is ``closed``. What is not is as it was given and one shell,
-    the first. A sheet ``folds`` where it has one side only."""
+    """The shell of each of f faces, and the orientation that the face needs.
+
+    Attributes
+    ----------
+    shell : (f,) array of int
+        Number of the face's shell. All faces of no closed shell have one number together, 0.
+    turned : (f,) array of bool
+        True where the face has to be reversed for its normal to point out of the material; False
+        for faces of no closed shell.
+    closed : (f,) array of bool
+        True where the face's shell is closed.
+    folds : (f,) array of bool
+        True where the face's sheet has one side only, like a Moebius strip.
+    """
 
     shell: IntArray
     turned: BoolArray
@@ -34,29 +49,37 @@ class Shells:
 
     @classmethod
     def of(cls, points: FloatArray, faces: Sequence[Sequence[int]], table: EdgeTable) -> Shells:
-        """Makes the shells of faces over ``points`` (k, 3), whose sides are ``table``. A single
-        closed shell is turned so that it encloses a positive volume; which of several lie within
-        another, and are cavities, is not looked at."""
+        """Returns the shells of faces over ``points`` (k, 3), whose sides are ``table``.
+
+        Every closed shell is oriented so that it encloses a positive volume, also one that bounds a
+        cavity in another.
+        """
+        # Sheets with an edge of an odd number of faces, or with one side only, close nowhere.
         sheet, turned, folds = _sheets(table, len(faces))
         broken = sheet[table.face[table.uses[table.key] % 2 == 1]]
         closed = ~np.isin(sheet, np.append(broken, sheet[folds]))
         shell = np.where(closed, sheet, -1)
+        # Sheets that meet at edges of more than two faces are joined to shells there.
         if (table.uses[table.key[closed[table.face]]] > 2).any():
-            around = _Around(points, faces, table, sheet, turned)
-            shell, turned = around.walked(shell)
+            joiner = _SheetJoiner(points, faces, table, sheet, turned)
+            shell, turned = joiner.shells(shell)
             closed = shell >= 0
+        # Shells are numbered from 0, and reversed as a whole where their volume is negative.
         shell = np.unique(shell, return_inverse=True)[1]
         turned = turned & closed
-        volume = volumes(points, mesh.flipped(_loops(faces), turned), shell)
+        volume = volumes(points, mesh.flipped(_as_tuples(faces), turned), shell)
         return cls(shell, turned ^ ((volume < 0.0)[shell] & closed), closed, folds)
 
 
-def _loops(faces: Sequence[Sequence[int]]) -> Faces:
+def _as_tuples(faces: Sequence[Sequence[int]]) -> Faces:
     return tuple(tuple(face) for face in faces)
 
 
 def volumes(points: FloatArray, faces: Sequence[Sequence[int]], shell: IntArray) -> FloatArray:
-    """Returns the volume of each shell, with the sign of how its faces go round."""
+    """Returns the volume (s,) of each of s shells, positive where face normals point outwards.
+
+    ``points`` is (k, 3) and ``shell`` (f,) the shell of each face; the unit is length cubed.
+    """
     triangles, face = mesh.fan(points, faces)
     result = np.zeros(int(shell.max(initial=-1)) + 1)
     np.add.at(result, shell[face], np.linalg.det(triangles - points.mean(axis=0)) / 6.0)
@@ -64,33 +87,56 @@ def volumes(points: FloatArray, faces: Sequence[Sequence[int]], shell: IntArray)
 
 
 def _sheets(table: EdgeTable, count: int) -> tuple[IntArray, BoolArray, BoolArray]:
-    """Faces that hang together across edges of two, named by one of them; which of them are turned
-    against that one; and which sheets have one side only, like a Moebius strip."""
+    """Returns three arrays (count,) about the sheet of each of ``count`` faces.
+
+    They are the number of the sheet; whether the face is oriented against the sheet's first face;
+    and whether the sheet has one side only.
+    """
     one, other = table.twins()
+    # Two faces that pass their common edge from the same vertex are oriented differently.
     differ = (table.start[one] == table.start[other]).astype(np.int64)
     f, g = table.face[one], table.face[other]
-    # Every face stands twice, as it is and turned; neighbours are linked where they agree.
+    # Every face is a node twice: as given (f) and reversed (f + count). Nodes of neighbours whose
+    # orientations agree are linked; where both nodes of a face are connected, the sheet folds.
     rows = np.concatenate([f, f + count])
     columns = np.concatenate([g + count * differ, g + count * (1 - differ)])
-    as_is, reverse = mesh.linked(2 * count, rows, columns).reshape(2, count)
-    sheet = np.minimum(as_is, reverse)
-    return sheet, as_is != sheet, as_is == reverse
+    as_given, reverse = mesh.linked(2 * count, rows, columns).reshape(2, count)
+    sheet = np.minimum(as_given, reverse)
+    return sheet, as_given != sheet, as_given == reverse
 
 
 @dataclass(eq=False)
 class _Walk:
-    """One shell as it grows: how each of its sheets is turned, and its sides at (edge, angle)."""
+    """One shell as it grows.
 
-    sheets: dict[int, bool] = field(default_factory=dict)
+    ``is_reversed`` says for each of its sheets whether the shell has it reversed; ``sides`` are the
+    shell's sides by (edge, group), see ``_SheetJoiner.groups``.
+    """
+
+    is_reversed: dict[int, bool] = field(default_factory=dict)
     sides: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
 
-class _Around:
-    """The sides at edges of more than two faces, in turn about them.
+class _SheetJoiner:
+    """Joins sheets to shells at edges of more than two faces, called *shared* edges here.
 
-    Turning forwards about an edge from its lower to its higher vertex, a side that runs along it
-    is passed from behind its face to the front. So material that lies behind a face is met by
-    turning back from a side that runs along, and forwards from one that runs against.
+    An edge is directed from its lower to its higher vertex. A side that runs along this direction
+    is crossed, by a right-handed turn about the edge, from the back of its face to the front. The
+    material lies at the back of a face whose normal points outwards; so the other face of its wedge
+    comes before a side that runs along the edge, and after one that runs against it.
+
+    Attributes
+    ----------
+    sheet, turned : (f,) arrays
+        Sheet of each face, and whether the face is oriented against its sheet.
+    along : array of bool
+        Whether each side runs along its edge.
+    groups : dict
+        For each shared edge, lists of sides at the same angle, in the order of their angles.
+    place : dict
+        (edge, number of the group) of each side at a shared edge.
+    sides_of, members : dict
+        For each sheet, its sides at shared edges, and its faces.
     """
 
     def __init__(
@@ -101,7 +147,7 @@ class _Around:
         sheet: IntArray,
         turned: BoolArray,
     ) -> None:
-        self.points, self.faces, self.table = points, _loops(faces), table
+        self.points, self.faces, self.table = points, _as_tuples(faces), table
         self.sheet, self.turned = sheet, turned
         self.along = table.start < table.end
         self.place: dict[int, tuple[int, int]] = {}
@@ -113,19 +159,22 @@ class _Around:
         normals = mesh.area_vectors(points, self.faces)
         order, end = np.argsort(table.key, kind="stable"), np.cumsum(table.uses)
         for edge in np.flatnonzero(table.uses > 2).tolist():
-            self._add(edge, order[end[edge] - table.uses[edge] : end[edge]], normals)
+            self._group(edge, order[end[edge] - table.uses[edge] : end[edge]], normals)
 
-    def _add(self, edge: int, sides: IntArray, normals: FloatArray) -> None:
-        """Put the sides of one edge in turn, in groups that stand at the same angle."""
+    def _group(self, edge: int, sides: IntArray, normals: FloatArray) -> None:
+        """Sort the ``sides`` of one edge by angle into groups; ``normals`` (f, 3) are of faces."""
         table = self.table
+        # Angles are those of the directions from the edge into the faces, about the edge; angle 0
+        # is at the largest of the faces.
         ends = np.sort([table.start[sides[0]], table.end[sides[0]]])
         axis = self.points[ends[1]] - self.points[ends[0]]
         axis = axis / max(float(np.linalg.norm(axis)), 1e-300)
-        ways = np.where(self.along[sides], 1.0, -1.0)[:, None]
-        into = np.cross(normals[table.face[sides]], axis) * ways
+        signs = np.where(self.along[sides], 1.0, -1.0)[:, None]
+        into = np.cross(normals[table.face[sides]], axis) * signs
         across = into[int(np.linalg.norm(into, axis=1).argmax())]
         angle = np.arctan2(into @ np.cross(axis, across), into @ across)
         turn = np.argsort(angle, kind="stable")
+        # A step in angle starts a new group; the first and the last are one across 2 pi.
         new = np.diff(angle[turn]) > RELATIVE_TOLERANCE
         groups = np.split(sides[turn], np.flatnonzero(new) + 1)
         if len(groups) > 1 and angle[turn[0]] + 2.0 * np.pi - angle[turn[-1]] <= RELATIVE_TOLERANCE:
@@ -136,29 +185,32 @@ class _Around:
                 self.place[side] = edge, number
                 self.sides_of[int(self.sheet[table.face[side]])].append(side)
 
-    def walked(self, shell: IntArray) -> tuple[IntArray, BoolArray]:
-        """Shells of all faces, -1 for those of none, and how they are turned.
+    def shells(self, shell: IntArray) -> tuple[IntArray, BoolArray]:
+        """Returns the shell of each face, -1 for none, and whether the face is to be reversed.
 
-        A walk starts from a sheet with the material on one side and goes on around every edge.
-        Begun on the wrong side it goes around what is empty, as a rule everything outside, and its
-        volume is negative. Where both sides give a body, two bodies touch there, or there is a
-        hollow between bodies: those wait for what the others leave, and are believed in the end as
-        most of the file is turned.
+        ``shell`` (f,) has the sheet of each face that a closed shell may have, -1 for the others. A
+        walk assumes that the material lies on one side of a sheet and collects the shell around it.
+        On the wrong side it collects what bounds an empty space, as a rule everything outside, and
+        the volume is negative. Where the walks on both sides enclose a volume, two bodies touch or
+        surround a hollow: such sheets are decided last, after all others have been assigned, by the
+        orientation that most sheets of the file have.
         """
         shell, turned = shell.copy(), self.turned.copy()
+        # Only sheets with shared edges are joined; the others are shells by themselves.
         starts = [n for n in np.unique(shell[shell >= 0]).tolist() if n in self.sides_of]
         free = set(starts)
-        votes = 0  # for files whose faces point out of the material, less those whose do not
+        votes = 0  # sheets with normals out of the material, less those with normals into it
         for is_sure in (True, False):
             for start in starts:
                 if start not in free:
                     continue
+                # The first of two walks has the orientation of most sheets.
                 first = not is_sure and votes < 0
-                found = [self._walk(start, way, free) for way in (first, not first)]
-                good = [walk for walk in found if walk and self._volume(walk) > 0.0]
+                walks = [self._walk(start, flips, free) for flips in (first, not first)]
+                good = [walk for walk in walks if walk and self._volume(walk) > 0.0]
                 if not good or (is_sure and len(good) > 1):
                     continue
-                sheets = good[0].sheets
+                sheets = good[0].is_reversed
                 if len(good) == 1:
                     votes += -1 if sheets[start] else 1
                 for number, flips in sheets.items():
@@ -169,25 +221,27 @@ class _Around:
         return shell, turned
 
     def _walk(self, start: int, flips: bool, free: set[int]) -> _Walk | None:
-        """The shell around the material on one side of a sheet; None if it does not close."""
+        """Returns the shell around the material at the back of sheet ``start``, or at its front if
+        ``flips``, made of ``free`` sheets alone; None if it does not close."""
         walk = _Walk()
         todo: list[int] = []
         self._join(walk, todo, start, flips)
+        # Every side of the shell leads across its wedge of material to the sheet opposite.
         while todo:
             side = todo.pop()
             edge, number = self.place[side]
             groups = self.groups[edge]
             onward = 1 if self._is_along(side, walk) is False else -1
             beside = (number + onward) % len(groups)
-            found = self._facing(walk, groups[beside], (edge, beside), onward, free)
-            if found is None:
+            opposite = self._opposite(walk, groups[beside], (edge, beside), onward, free)
+            if opposite is None:
                 return None
-            sheet, way = found
-            if sheet not in walk.sheets:
-                self._join(walk, todo, sheet, way)
+            sheet, is_reversed = opposite
+            if sheet not in walk.is_reversed:
+                self._join(walk, todo, sheet, is_reversed)
         return walk
 
-    def _facing(
+    def _opposite(
         self,
         walk: _Walk,
         group: list[int],
@@ -195,29 +249,35 @@ class _Around:
         onward: int,
         free: set[int],
     ) -> tuple[int, bool] | None:
-        """The sheet on the far side of a wedge, of several at one angle the walk's own or else one
-        that is turned in the file as the walk is, and whether it has to be turned."""
+        """Returns the sheet on the far side of a wedge, and whether the shell has it reversed.
+
+        ``group`` are the sides there, ``place`` their (edge, group), and ``onward`` is 1 where the
+        wedge was crossed by a right-handed turn, otherwise -1. None if no free sheet is there.
+        """
+        # Of several sheets at this angle, one that the walk has already comes first ...
         for side in walk.sides.get(place, ()):
             if (1 if self._is_along(side, walk) is False else -1) == -onward:
-                return self._sheet(side), walk.sheets[self._sheet(side)]
+                return self._sheet(side), walk.is_reversed[self._sheet(side)]
+        # ... then one that is oriented in the file as the walk's first sheet, then any.
         while group and self._sheet(group[-1]) not in free:
-            group.pop()  # of another shell: never asked for again
-        usual = next(iter(walk.sheets.values()))
+            group.pop()  # belongs to another shell for good
+        usual = next(iter(walk.is_reversed.values()))
         second: tuple[int, bool] | None = None
         for side in group:
             sheet = self._sheet(side)
-            if sheet not in free or sheet in walk.sheets:
+            if sheet not in free or sheet in walk.is_reversed:
                 continue
-            # Material on this side of it lies behind: turned if it is not so as it is.
+            # The wedge has to lie at the back of the face: reversed if it is at the front as given.
             runs_along = bool(self.along[side]) ^ bool(self.turned[self.table.face[side]])
-            way = runs_along is not (onward == 1)
-            if way is usual:
-                return sheet, way
-            second = second or (sheet, way)
+            is_reversed = runs_along is not (onward == 1)
+            if is_reversed is usual:
+                return sheet, is_reversed
+            second = second or (sheet, is_reversed)
         return second
 
     def _join(self, walk: _Walk, todo: list[int], sheet: int, flips: bool) -> None:
-        walk.sheets[sheet] = flips
+        """Add a sheet to the walk, and its sides to those that are still to be crossed."""
+        walk.is_reversed[sheet] = flips
         for side in self.sides_of[sheet]:
             walk.sides.setdefault(self.place[side], []).append(side)
             todo.append(side)
@@ -226,21 +286,27 @@ class _Around:
         return int(self.sheet[self.table.face[side]])
 
     def _is_along(self, side: int, walk: _Walk) -> bool:
-        turned = bool(self.turned[self.table.face[side]]) ^ walk.sheets[self._sheet(side)]
+        """Returns whether a side runs along its edge, as its sheet is oriented in the walk."""
+        turned = bool(self.turned[self.table.face[side]]) ^ walk.is_reversed[self._sheet(side)]
         return bool(self.along[side]) ^ turned
 
     def _volume(self, walk: _Walk) -> float:
+        """Returns the volume that a walk's shell encloses, negative if it is inside out."""
         faces = [
             self.faces[i][::-1] if self.turned[i] ^ flips else self.faces[i]
-            for number, flips in walk.sheets.items()
+            for number, flips in walk.is_reversed.items()
             for i in self.members[number]
         ]
         return float(volumes(self.points, faces, np.zeros(len(faces), dtype=np.int64))[0])
 
 
 def unpinched(points: FloatArray, faces: Faces) -> tuple[FloatArray, Faces]:
-    """The same closed surface, its normals pointing out, but with two faces at every edge: those
-    along which it touches itself are cut in the middle, and vertices there are doubled."""
+    """Returns points and faces of the same closed surface with two faces at every edge.
+
+    Normals point outwards, here and there. Shared edges, along which the surface touches itself,
+    are cut in the middle, and vertices are doubled there, so that the parts are joined nowhere.
+    """
+    # A vertex is put in the middle of every shared edge.
     table = EdgeTable.of(faces)
     several = np.flatnonzero(table.uses > 2)
     if not len(several):
@@ -253,17 +319,23 @@ def unpinched(points: FloatArray, faces: Faces) -> tuple[FloatArray, Faces]:
     corners = (table.face, table.start, middle[table.key])
     for face, corner, half in zip(*(each.tolist() for each in corners), strict=True):
         cut[face] += [corner] if half < 0 else [corner, half]
-    faces, count = _loops(cut), len(faces)
+    # Two sides at a shared edge are paired where there is material between them: every side that
+    # runs along the edge with the nearest one before it that runs against it and is still free.
+    faces, count = _as_tuples(cut), len(faces)
     table = EdgeTable.of(faces)
-    around = _Around(points, faces, table, np.arange(count), np.zeros(count, dtype=bool))
+    joiner = _SheetJoiner(points, faces, table, np.arange(count), np.zeros(count, dtype=bool))
     one, other = (sides.tolist() for sides in table.twins())
-    for groups in around.groups.values():
-        left = [[side for side in group if not around.along[side]] for group in groups]
+    for groups in joiner.groups.values():
+        against = [[side for side in group if not joiner.along[side]] for group in groups]
         for number, group in enumerate(groups):
-            for side in (side for side in group if around.along[side]):
-                behind = (left[(number - back) % len(left)] for back in range(1, len(left) + 1))
+            for side in (side for side in group if joiner.along[side]):
+                behind = (
+                    against[(number - back) % len(against)] for back in range(1, len(against) + 1)
+                )
                 one.append(side)
                 other.append(next(sides for sides in behind if sides).pop())
+    # Corners of faces are one vertex where paired sides identify them, each side's start with the
+    # corner after its partner; every set of such corners becomes a vertex of its own.
     first = np.flatnonzero(np.diff(table.face, prepend=-1))
     following = np.arange(1, len(table.face) + 1)
     following[np.append(first[1:], len(following)) - 1] = first
@@ -274,101 +346,19 @@ def unpinched(points: FloatArray, faces: Faces) -> tuple[FloatArray, Faces]:
     return points[table.start[place]], tuple(tuple(loop.tolist()) for loop in loops)
 
 
-def outward(id: str, points: FloatArray, faces: Faces) -> tuple[Faces, int]:
-    """The faces turned so that all normals point out, and how many were turned; refused if the
-    surface is open, has one side only, or encloses several bodies that do not touch."""
-    table = EdgeTable.of(faces)
-    check_closed(id, points, table)
-    found = Shells.of(points, faces, table)
-    if found.folds.any():
-        bad = points[list(faces[int(np.argmax(found.folds))])]
-        raise GeometryError(
-            f"block {id!r} has a surface with one side only, like a Moebius strip, near "
-            f"{mesh.place(bad.mean(axis=0))}: mend the mesh",
-            points=bad,
-            blocks=(id,),
-        )
-    if not found.closed.all():
-        edge = table.key[table.uses[table.key].argmax()]
-        fault = f"belongs to {table.uses[edge]} faces, which bound no material between them"
-        raise _not_closed(id, points, table, np.array([edge]), fault)
-    oriented = mesh.flipped(faces, found.turned)
-    turned = found.turned ^ _is_cavity(id, points, oriented, found.shell)[found.shell]
-    return mesh.flipped(faces, turned), int(turned.sum())
-
-
-def check_closed(id: str, points: FloatArray, table: EdgeTable) -> None:
-    """Refuse a surface with edges of an odd number of faces, and name one."""
-    wrong = np.flatnonzero(table.uses % 2 == 1)
-    if not len(wrong):
-        return
-    most = int(table.uses[wrong].max())
-    fault = "has no face on its other side" if most == 1 else f"belongs to {most} faces"
-    raise _not_closed(id, points, table, wrong, fault)
-
-
-def _not_closed(
-    id: str, points: FloatArray, table: EdgeTable, wrong: IntArray, fault: str
-) -> GeometryError:
-    side = int(np.flatnonzero(table.key == wrong[int(np.argmax(table.uses[wrong]))])[0])
-    ends = points[[table.start[side], table.end[side]]]
-    sides = np.flatnonzero(np.isin(table.key, wrong))
-    more = f", and {len(wrong) - 1} more edges are at fault" if len(wrong) > 1 else ""
-    return GeometryError(
-        f"block {id!r} is not closed: the edge between vertices {table.start[side]} and "
-        f"{table.end[side]}, from {mesh.place(ends[0])} to {mesh.place(ends[1])}, {fault}{more}; "
-        "mend the mesh so that every edge belongs to two faces, or to four where the body touches "
-        "itself",
-        points=points[np.stack([table.start[sides], table.end[sides]], axis=1)].reshape(-1, 3),
-        blocks=(id,),
-    )
-
-
-def _is_cavity(id: str, points: FloatArray, faces: Faces, shell: IntArray) -> BoolArray:
-    """Which shells are cavities of one body, (s,): they lie within another. The others have to hang
-    together at vertices, or they are several bodies."""
-    count = int(shell.max()) + 1
-    if count == 1:
-        return np.zeros(1, dtype=bool)
-    own = [np.unique(np.concatenate(x)) for x in by_shell(faces, shell)]
-    volume = volumes(points, faces, shell)
-    if not volume.min() > 0.0:
-        flat = own[int(np.argmin(volume))]
-        raise GeometryError(
-            f"block {id!r} has faces that lie on each other near "
-            f"{mesh.place(points[flat].mean(axis=0))} and enclose nothing: remove them",
-            points=points[flat],
-            blocks=(id,),
-        )
-    depth = np.bincount([i for i, _ in nested(points, faces, shell)], minlength=count)
-    holder, links = np.full(len(points), -1), []
-    for s in np.flatnonzero(depth == 0).tolist():
-        links += [(s, t) for t in np.unique(holder[own[s]]).tolist() if t >= 0]
-        holder[own[s]] = s
-    body = mesh.linked(count, *np.array(links, dtype=np.int64).reshape(-1, 2).T)
-    apart = np.unique(np.where(depth == 0, body, -1), return_index=True)[1]
-    bodies = np.concatenate([apart[depth[apart] == 0], np.flatnonzero(depth == 2)])
-    if len(bodies) > 1:
-        witness = np.array([points[own[s][0]] for s in bodies.tolist()])
-        raise GeometryError(
-            f"block {id!r} consists of {len(bodies)} separate bodies, one of them at "
-            f"{mesh.place(witness[1])}: make a block of each",
-            points=witness,
-            blocks=(id,),
-        )
-    return np.asarray(depth == 1)
-
-
 def nested(
     points: FloatArray, faces: Faces, shell: IntArray, unlike: BoolArray | None = None
 ) -> list[tuple[int, int]]:
-    """Pairs of closed shells, all turned outwards, of which the first lies within the second; only
-    those that differ in ``unlike`` (s,), if that is given."""
+    """Returns the pairs (inner, outer) of closed shells of which one lies within the other.
+
+    All are oriented outwards. If ``unlike`` (s,) is given, only pairs that differ in it count.
+    """
     triangles, face = mesh.fan(points, faces)
     order = np.argsort(shell[face], kind="stable")
     parts = np.split(triangles[order], np.cumsum(np.bincount(shell[face]))[:-1])
     low, high = (np.array([end(part, axis=(0, 1)) for part in parts]) for end in (np.min, np.max))
     result = []
+    # Bounding boxes come first, then one point of the inner shell and how the outer surrounds it.
     for one, other in nearby_pairs([p.reshape(-1, 3) for p in parts], np.zeros(len(parts))):
         inner, outer = np.concatenate([[one, other], [other, one]], axis=1)
         within = ((low[outer] <= low[inner]) & (high[inner] <= high[outer])).all(axis=1)
@@ -377,13 +367,14 @@ def nested(
         result += [
             (i, k)
             for i, k in zip(inner[within].tolist(), outer[within].tolist(), strict=True)
-            if abs(winding(_within(parts[i]), parts[k])) > 0.5
+            if abs(winding(_inner_point(parts[i]), parts[k])) > 0.5
         ]
     return result
 
 
-def _within(triangles: FloatArray) -> FloatArray:
-    """A point that a shell encloses, close to the middle of its largest triangle."""
+def _inner_point(triangles: FloatArray) -> FloatArray:
+    """Returns a point (3,) that a shell of ``triangles`` (t, 3, 3) encloses, just behind the middle
+    of its largest triangle."""
     vectors = mesh.polygon_vectors(triangles)
     areas = np.linalg.norm(vectors, axis=1)
     largest = int(areas.argmax())
@@ -392,6 +383,7 @@ def _within(triangles: FloatArray) -> FloatArray:
 
 
 def by_shell(faces: Faces, shell: IntArray) -> list[list[tuple[int, ...]]]:
+    """Returns the faces of each shell, by the shell's number; ``shell`` (f,) is that of faces."""
     result: list[list[tuple[int, ...]]] = [[] for _ in range(int(shell.max()) + 1)]
     for face, number in zip(faces, shell.tolist(), strict=True):
         result[number].append(face)
@@ -399,8 +391,11 @@ def by_shell(faces: Faces, shell: IntArray) -> list[list[tuple[int, ...]]]:
 
 
 def winding(point: FloatArray, triangles: FloatArray) -> float:
-    """How often a closed surface of ``triangles`` (t, 3, 3) goes round ``point``, 0 outside: solid
-    angles (van Oosterom and Strackee 1983) over 4 pi."""
+    """Returns how often a closed surface of ``triangles`` (t, 3, 3) surrounds ``point`` (3,).
+
+    That is 0 outside and 1 within a surface that is oriented outwards: the sum of the triangles'
+    solid angles (van Oosterom and Strackee 1983) over 4 pi.
+    """
     a, b, c = np.moveaxis(triangles - point, 1, 0)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     top = np.einsum("tk,tk->t", a, np.cross(b, c))

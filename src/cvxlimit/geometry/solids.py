@@ -16,7 +16,7 @@ from cvxlimit.base.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block, Repair
 from cvxlimit.geometry.mesh import Faces
-from cvxlimit.geometry.shells import outward
+from cvxlimit.geometry.orientation import outward
 
 
 def solid(
