@@ -1,7 +1,9 @@
 """The numbers behind a certified bracket, measured in docs/evidence/interaction-speed.md.
 
-Only speed and width depend on them: bounds are checked outside of all problems. Forces and excess
-are shares of the total load, places fractions of the half extents of contacts.
+Only speed and width depend on them: bounds are checked outside of all problems. Unless a comment
+says otherwise, forces and *excess* (by how much forces exceed a yield condition) are shares of the
+total load, and distances are fractions of the half extents of contacts. The *gap* is the upper
+bound less the lower one.
 """
 
 from __future__ import annotations
@@ -11,113 +13,182 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ProofSettings:
-    """When forces count, and how they are proved."""
+    """When the checker accepts forces as a lower bound, and how forces that it refuses are mended.
 
-    # residual and excess of Eq. 9 and 30 beyond which forces are refused, and compression up to
-    # which a pressure centre means nothing
+    Forces are mended by mixing them with a *safe* state: forces that carry the dead load strictly
+    inside Eq. 9 and 30.
+    """
+
+    # Largest residual of equilibrium and largest excess of Eq. 9 and 30 of accepted forces. A
+    # contact with less compression than this has no pressure centre.
     accepted: float = 1e-7
-    most_lost: float = 0.1  # share of the load factor that excess may be worth: else refused, too
-    # shares of a dead-load state mixed in to be strictly admissible, up to the usual width of a
-    # bracket where forces are close
+    # Share of the load factor that the excess may be worth; beyond it forces are refused as well.
+    most_lost: float = 0.1
+    # Shares of the safe state that are tried, smallest first. Where forces are close to admissible
+    # only those up to the usual width of a bracket are.
     shares: tuple[float, ...] = (1e-9, 1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 1e-4, 1e-3)
-    rows: int = 4000  # contacts of mixtures that are tried at a time
-    # shares of friction and size that such states may use: with little shear and central pressure
-    # what is mixed in never leads outside, although Eq. 30 is not convex
+    # Contacts of mixtures that are checked in one call.
+    rows: int = 4000
+    # Shares of friction, and of the size of contacts, that a safe state may use. With little shear
+    # and central pressure a mixture never leads outside, although Eq. 30 is not convex.
     reserves: tuple[tuple[float, float], ...] = ((0.1, 0.3), (0.2, 0.5), (0.5, 0.7), (1.0, 1.0))
-    margin: float = 1e-6  # of friction and size to begin with, where centres are held,
-    growth: float = (
-        3.0  # and its growth after each attempt, as of prices of slack. So many attempts:
-    )
-    attempts: tuple[int, int, int] = (5, 12, 4)  # for all contacts, where it did not do, safe steps
-    late: float = 0.05  # share of a run's time that proofs take together once that is over
-    most_of_width: float = 0.1  # share of the bracket's width that a proof may cost
+    # Margin, a share of friction and size, that the first attempt of a proof with held pressure
+    # centres keeps.
+    margin: float = 1e-6
+    # Factor of that margin after each attempt, and of the price of slack after each penalty step.
+    growth: float = 3.0
+    # Attempts whose margin grows at all contacts, then those whose margin grows only where Eq. 30
+    # was exceeded, then safe steps with a margin at all contacts.
+    attempts: tuple[int, int, int] = (5, 12, 4)
+    # Time that all proofs together may take when a run's time is over, as a share of that time.
+    late: float = 0.05
+    # Share of the bracket's width that a proof may cost.
+    most_of_width: float = 0.1
 
 
 @dataclass(frozen=True)
 class ClimbSettings:
-    """Steps to a lower bound; boxes of pressure centres that follow a relaxation to one."""
+    """How a search climbs to a lower bound.
 
-    penalty_steps: int = 4  # at most
-    price: float = 0.7  # of slack at first, over the fastest twist, which is what slack is worth
-    long: tuple[float, ...] = (0.1, 0.1, 0.1, 0.3)  # curvature of long steps
-    inward: float = 0.05  # share towards the middle: relaxations press on the rims of contacts
-    retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)  # the same after a failure
-    hope: float = 2.0  # times the predicted gain must reach the best bound, else it is given up
-    # prices of slack, scaled, where forces are sought that carry a load alone, the last one until
-    # little of it is left; None: a safe step
+    It takes *steps*, convex problems built at forces, or holds pressure centres in *boxes* that
+    follow those of a relaxation and shrink.
+    """
+
+    # Steps. Penalty steps may exceed Eq. 30 by a *slack* at a price.
+    penalty_steps: int = 4  # At most so many in a row.
+    # First price of slack over the fastest twist of the mechanism, which is what slack is worth.
+    price: float = 0.7
+    # Share of a safe step's curvature that successive long steps have.
+    long: tuple[float, ...] = (0.1, 0.1, 0.1, 0.3)
+    # Share by which the relaxation's pressure centres are moved towards the middle of contacts
+    # before steps begin there: relaxations press on the rims.
+    inward: float = 0.05
+    # The same share after each failure of a safe step.
+    retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)
+    # A search is given up if so many times the predicted gain do not reach the best bound.
+    hope: float = 2.0
+    # Prices of slack, scaled, of successive steps to forces that carry a load alone; None is a safe
+    # step. At the last price little slack is left.
     prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, 1000.0, 1000.0, None)
-    first: float = 0.8  # half width of boxes about given pressure centres
-    exploring: int = 8  # boxes that may grow
-    settling: int = 12  # boxes that only shrink
-    limited: tuple[int, int] = (4, 4)  # both with Eq. 27, where safe steps gain more per second
-    others: tuple[int, int] = (6, 18)  # and on contacts that are not rectangles
-    shrink: float = 0.8  # factor where forces exceed Eq. 30, while exploring
-    growth: float = 1.5  # factor where they do not
-    settle: float = 0.6  # factor of all others
-    nearly: float = 3e-2  # excess of all contacts from which frozen problems follow
-    settled: float = 1e-2  # the same from which steps follow
-    frozen: float = 5e-3  # and on contacts that are not rectangles frozen problems,
-    retry: float = 0.5  # share of it at which safe problems are tried again
-    noise: float = 2e-5  # largest excess that may be due to loose solves alone
+
+    # Boxes.
+    first: float = 0.8  # Half width at first.
+    exploring: int = 8  # Rounds at first, in which boxes may grow.
+    settling: int = 12  # Rounds after them, in which boxes only shrink.
+    # Both numbers of rounds with Eq. 27, where safe steps gain more per second than boxes.
+    limited: tuple[int, int] = (4, 4)
+    others: tuple[int, int] = (6, 18)  # Both where some contacts are not rectangles.
+    shrink: float = 0.8  # Factor of boxes whose forces exceed Eq. 30, while exploring.
+    growth: float = 1.5  # Factor of boxes whose forces do not, while exploring.
+    settle: float = 0.6  # Factor of all boxes, while settling.
+    # Excess, summed over contacts, below which frozen problems (pressure centres held) are tried.
+    nearly: float = 3e-2
+    settled: float = 1e-2  # The same below which boxes end and safe steps follow, ...
+    frozen: float = 5e-3  # ... or frozen problems, where some contacts are not rectangles.
+    # Share of the excess at the last frozen problem at which the next one is tried.
+    retry: float = 0.5
+    noise: float = 2e-5  # Largest excess of a contact that may be due to loose solves alone.
 
 
 @dataclass(frozen=True)
 class BranchSettings:
-    """What is done at a node of branch and bound, and the search as a whole."""
+    """What branch and bound does at a node, and how it searches.
 
-    narrowest: float = 1e-7  # ranges whose halves solvers could not tell apart
-    worth_a_disjunct: float = 0.05  # share of the tolerance that a solve with more must promise
-    rounds: int = 2  # solves per node, with disjuncts added
-    precision: float = 1e-4  # of powers in its bounds, over the relative tolerance
-    at_rest: float = 0.06  # share of the largest speed that contacts at rest have in splits,
-    at_rest_tightened: float = 1e-3  # and in the order of tightening
-    prior: float = 5.0  # splits that what all contacts have in common counts for
-    beside_centre: float = 0.1  # share of a range that it is cut beside the pressure centre
-    widened: float = 0.03  # share of it that ranges are widened by where bounds are not closed
-    cut: float = 0.1  # least share that tightening must cut off a range, and a round off the gap
-    beyond: float = 1e-3  # share it leaves beyond what a solver says is reached
-    carried: float = 0.99  # share of the gap carried by contacts whose ranges it tries
-    attempts: int = 3  # its solves per end of a range
-    tightening: float = 0.25  # share of the time that it may take
-    closed: float = 0.9  # share of the gap asked for at which nodes are closed
-    at_a_time: int = 200  # contacts of the nodes that are explored together, one node at least
-    kept: int = 5000  # pieces of problems: 0.01 MB each
-    remembered: int = 1000  # open nodes with points for their parts to start from: 0.1 MB each
-    price: float = 10.0  # of the dead load over root bounds: closes nodes without states
-    climbing: float = 0.14  # share of problems that search for forces from open nodes,
-    # each so far on the way there from the best, in boxes of such half widths at first,
+    A node allows each contact a *range* of pressure centres along each side; its relaxation is over
+    the hull of *disjuncts*, states pressed at one place (:mod:`.relaxation.hull`).
+    """
+
+    # The bound of a node.
+    # Disjuncts are added that promise at least this share of the tolerance.
+    worth_a_disjunct: float = 0.05
+    rounds: int = 2  # Solves of a node, each with the disjuncts that the one before missed.
+    # Error of powers (forces times rates) in the bound, over the relative tolerance.
+    precision: float = 1e-4
+    # Share of a range by which it is widened for its bound, where the bound did not close the node.
+    widened: float = 0.03
+    # Price at which any share of the dead load may be taken off, over the root's bound. It gives
+    # every relaxation a solution, and so closes nodes without states.
+    price: float = 10.0
+    # A node is closed if its bound is above the lower bound by this share of the tolerance or less.
+    closed: float = 0.9
+
+    # Which range is split, and where.
+    narrowest: float = 1e-7  # Ranges below it are not split: solvers could not tell halves apart.
+    at_rest: float = 0.06  # Speed of contacts at rest in scores of splits, over the largest speed.
+    # Splits that the average gain of all contacts counts for beside those of a contact itself.
+    prior: float = 5.0
+    # A range is cut beside the pressure centre, by this share of it.
+    beside_centre: float = 0.1
+
+    # Tightening: ranges of the root are cut before the first split.
+    tightening: float = 0.25  # Share of the time that it may take.
+    # Speed of contacts at rest, as above, in the order in which contacts are tried.
+    at_rest_tightened: float = 1e-3
+    carried: float = 0.99  # Contacts tried are those that carry this share of all scores.
+    # Least share that a solve must cut off a range, and a round off the gap, to go on.
+    cut: float = 0.1
+    # Share of a range that is left beyond what a solver says pressure centres reach.
+    beyond: float = 1e-3
+    attempts: int = 3  # Solves for each end of a range.
+
+    # The search.
+    at_a_time: int = 200  # Contacts of the nodes that are explored together; at least one node.
+    kept: int = 5000  # Blocks of columns of problems that are kept, of 0.01 MB each.
+    # Open nodes that keep a point from which their children's solver may start, of 0.1 MB each.
+    remembered: int = 1000
+    told: float = 0.98  # The history has a line when the gap is this share of the last line's.
+
+    # Lower bounds.
+    climbing: float = 0.14  # Share of all problems that climbs from open nodes may take, ...
+    patience: float = 10.0  # ... and half of it after so many climbs in vain.
+    # Where climbs start, as a share of the way from the best forces to a node's, and the half width
+    # of their first boxes.
     ahead: tuple[tuple[float, float], ...] = ((1.0, 0.5), (0.5, 0.3), (0.25, 0.5))
-    patience: float = 10.0  # and half of it after so many in vain
-    safe_reach: float = 0.02  # reach of safe states in a node's widest range
-    settled: int = 8  # frozen problems in a row at most,
-    steps: int = 16  # places tried on the way between two force states,
-    halvings: int = 25  # after the last good one
-    told: float = 0.98  # the history has a line when the gap is this share of the last one told
+    # Distance from a node's pressure centres within which frozen problems hold them, over the
+    # widest of the node's ranges.
+    safe_reach: float = 0.02
+    settled: int = 8  # Frozen problems in a row at most.
+    steps: int = 16  # Places checked on the way from one force state to another, ...
+    halvings: int = 25  # ... and halvings of the last step, behind the last admissible place.
 
 
 @dataclass(frozen=True)
 class BracketSettings:
-    """The relaxation of a whole run with disjuncts added to it, and the method as a whole."""
+    """How the method divides its work between a relaxation, climbs and branch and bound."""
 
-    noise: float = 1e-10  # missing opening over the mechanism's largest rate that solvers leave
-    worth_a_disjunct: float = 0.1  # share of the tolerance that a contact must raise the bound by
-    beside: float = 0.2  # disjuncts this far beside the worst place too, its square in round 2 ...
-    most_rounds: int = 12  # solves with added disjuncts,
-    near: float = 0.25  # of the upper bound to the relaxation from which a lower one may come first
-    least_problems: float = 2.0  # that there must be time for, or no branching begins
-    good: float = 0.05  # width that counts as an answer where no tolerance is asked for
-    outer: float = 1e-4  # width at which disjuncts and branching end where none is asked for
-    narrow: float = 0.005  # width below which no further start is taken unasked
-    wanted: float = 0.01  # width that is wanted where none is asked for, its proof included,
-    aim: float = 0.00999  # the one at which branching ends, or sooner by what a proof has cost
-    dearer: float = 1.5  # times so much, for the next one may cost more,
-    few: int = 6  # on more contacts than these; up to as many both are ``outer``
-    budget: float = 10.0  # seconds in all until when it goes on, where none is asked for,
-    relaxations: float = 12.0  # or so many times those of the first relaxation
-    standing: float = 0.2  # share of it that may go into whether the dead load stands
-    branching: float = 60.0  # seconds of branching with a tolerance, or on few contacts,
-    least_nodes: int = 30  # until ``budget`` seconds, or a third of all, gain less than 1 % of the
-    # gap, but not before so many nodes, however slow the machine
+    # The relaxation of the whole run, to which disjuncts are added round by round.
+    # Missing opening that solvers leave, over the mechanism's largest rate.
+    noise: float = 1e-10
+    # Share of the tolerance by which a contact's new disjuncts must raise the bound.
+    worth_a_disjunct: float = 0.1
+    # Disjuncts are added at the worst place and this far beside it: in round 2 the square of this
+    # distance, and so on.
+    beside: float = 0.2
+    most_rounds: int = 12  # Solves with added disjuncts at most.
+    # When ``budget`` is spent, a first lower bound is sought before further disjuncts are added, if
+    # the relaxation's load factor is below the upper bound by this share of it or less.
+    near: float = 0.25
+
+    # Widths of the bracket, relative. ``few`` contacts or fewer are held to the width ``outer``.
+    good: float = 0.05  # Counts as an answer where no tolerance is asked for.
+    wanted: float = 0.01  # What is wanted where none is asked for, the cost of a proof included.
+    # Where branching ends then: a little less, and less again by what a proof has cost so far, ...
+    aim: float = 0.00999
+    dearer: float = 1.5  # ... times this, for the next proof may cost more.
+    narrow: float = 0.005  # No further start of a climb is taken below it where none is asked for.
+    outer: float = 1e-4  # Adding disjuncts and branching end here where none is asked for.
+    few: int = 6
+
+    # Seconds.
+    budget: float = 10.0  # A run without a tolerance branches until so many, ...
+    relaxations: float = 12.0  # ... or so many times the first relaxation's, if more.
+    branching: float = 60.0  # Branching with a tolerance, or on few contacts.
+    standing: float = 0.2  # Share of the budget for whether the dead load stands.
+    # Branching begins only if there is time for so many problems like the first.
+    least_problems: float = 2.0
+    # Branching ends when ``budget`` seconds, or a third of all, have gained less than 1 % of the
+    # gap, but not before so many nodes, however slow the machine.
+    least_nodes: int = 30
 
 
 PROOF, CLIMB = ProofSettings(), ClimbSettings()
