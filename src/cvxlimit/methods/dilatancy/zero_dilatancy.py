@@ -1,8 +1,13 @@
 """Friction that slides without opening: low and high members of its set of solutions.
 
-A solution is a load factor with forces in equilibrium that yield nowhere, and a mechanism on which
-friction opposes slip, pressed contacts do not open, and none opens by sliding. There are many; each
-is admissible in the associated model as well, whose load factor is hence an upper bound.
+A solution is a load factor with forces in equilibrium that exceed no yield condition, and a
+mechanism on which friction opposes slip, pressed contacts do not open, and none opens by sliding.
+There are many solutions. The forces of each are admissible in the associated model as well, whose
+load factor is therefore an upper bound of theirs.
+
+The words used here: the *price* (n,) of compressions is what the associated model would open at
+each contact, and the *pair* is the two convex problems of :mod:`.pair`, the priced one and the one
+with friction held. A *walk* is a sequence of pairs that leads down or up from a solution.
 """
 
 from __future__ import annotations
@@ -29,34 +34,40 @@ from cvxlimit.solvers import LimitState
 
 @dataclass(frozen=True)
 class _Numbers:
-    """Only what is found, and how fast, depends on them: members are checked."""
+    """The numbers of the search. Only which solutions it finds, and how fast, depends on them:
+    every solution is checked."""
 
-    # iterates with the price problem's own mechanism before the first pair, and how new prices
-    # weigh in them, in turn. Where friction is a cone, some errors keep their sign from one iterate
-    # to the next, others change it: weights about 1, as Chebyshev's for eigenvalues from -1 to 0.6,
-    # take a third of the problems off that 0.8 alone needs on large walls. Where it is linear there
-    # are finitely many mechanisms, among which pairs end in a few steps and iterates swing to and
-    # fro; a weight of 0.8 swings on for three times as long in a large wall
+    # Iterates of De Saxce before the first pair, and the weights of new prices in them, in turn.
+    # Where friction is a cone, some errors keep their sign from one iterate to the next, others
+    # change it: weights about 1, as Chebyshev's for eigenvalues from -1 to 0.6, take a third of the
+    # problems off that 0.8 alone needs on large walls. Where friction is linear there are finitely
+    # many mechanisms: pairs end in a few steps, while iterates swing to and fro, and with a weight
+    # of 0.8 for three times as long in a large wall.
     cones: tuple[int, tuple[float, ...]] = (12, (0.6, 0.9, 1.6))
     linear: tuple[int, tuple[float, ...]] = (2, (0.5,))
-    own: int = 12  # where pairs stall: as many as between cones at first
-    rough: float = 1e-4  # tolerance of iterates: they need not be exact, the next one corrects them
-    stalls: float = 0.7  # share of the loss that a pair leaves where pairs do not pay any more:
-    # in space the loss then falls by a tenth a pair, and twelve own iterates by a half or more
-    exact: float = 0.01  # tolerance of pairs over the loss that they are to lower
-    finest: float = 1e-11  # of all tolerances: rounding begins there
-    # largest random price, over friction at a rate at which the whole live load does power 1, where
-    # no iterate has told its size: blocks that wedge each other need some to have a solution
+    # Iterates of De Saxce where pairs stall: as many as at first where friction is a cone.
+    own: int = 12
+    # Tolerance of iterates. They need not be exact, since the next one corrects them.
+    rough: float = 1e-4
+    # Pairs stall where one leaves more than this share of the loss: in space the loss then falls by
+    # a tenth a pair, and by a half or more in twelve iterates.
+    stalls: float = 0.7
+    exact: float = 0.01  # Tolerance of pairs, over the loss that they are to lower.
+    finest: float = 1e-11  # The smallest tolerance of all: rounding begins there.
+    # Largest random price where no iterate has shown its size, over the friction coefficient at a
+    # rate at which the whole live load does power 1: blocks that wedge each other have a solution
+    # only at some price.
     natural: float = 4.0
-    # random prices over the last iterate's largest, in turn: only far higher ones find the lowest
-    # branch of a wall whose solutions are all known
+    # Scales of random prices over the last iterate's largest, in turn. Only far higher ones find
+    # the lowest branch of a wall whose solutions are all known.
     scales: tuple[float, ...] = (30.0, 5.0, 1.0)
-    # of walks, in turn: how much prices are too high for low members, too low for high ones; random
-    # prices of compressions besides, in load factors per total load; and the share by which held
-    # friction is less at random. Small ones find the lowest members known of walls in the plane,
-    # from six seeds of six, large ones lower members in space
+    # Sizes of pushes in walks, in turn. A push is three things: by how much prices are too high on
+    # the way down and too low on the way up; random prices of compressions added to them, in load
+    # factors per total load; and the share by which held friction is less at random. Small pushes
+    # find the lowest members known of walls in the plane, from six seeds of six; large ones find
+    # lower members in space.
     pushes: tuple[float, ...] = (0.03, 0.1)
-    walk: int = 6  # pairs of a descent before it ends at a solution
+    walk: int = 6  # Pairs of a walk before it ends at a solution.
 
 
 _N = _Numbers()
@@ -88,9 +99,9 @@ class ZeroDilatancy(Method):
         Weight of the new penalty against the old one, in iterates with their own mechanism; None
         takes 0.6, 0.9 and 1.6 in turn where friction is a cone, and 0.5 where it is linear.
     max_iterations : int
-        Problems per start.
+        Most problems per start.
     seed : int
-        Of the random penalties.
+        Seed of the random penalties.
     descents : int
         Pairs of problems tried in the search for low members, and half as many for high ones; 0
         for none.
@@ -132,22 +143,25 @@ class ZeroDilatancy(Method):
         return (yield from _Search(self, run, search).steps())
 
     def basis(self, run: Run) -> str:
-        """What the bounds rest on; that by products says so where it is named."""
+        """Returns what the bounds rest on. A lower bound by products is left out, since the remark
+        that names it says so."""
         bracket = run.best.bracket
-        told = bracket if bracket.lower_is_proved else replace(bracket, lower=-np.inf)
-        return told.basis
+        proved = bracket if bracket.lower_is_proved else replace(bracket, lower=-np.inf)
+        return proved.basis
 
 
-Found = tuple[Member, LimitState]
-"""A member, and its forces and mechanism."""
+CheckedState = tuple[Member, LimitState]
+"""A solution as it is reported, and the state with the forces and mechanism it was made of."""
 
 
 class _Search:
-    """Starts under way, and the solutions found."""
+    """The search of one run: ``solutions`` are all that it found, ``failed`` starts found none,
+    ``tried`` pairs were solved in walks, and ``typical`` (n,) is the last price of a pair. Of De
+    Saxce's iterates ``first`` precede the first pair; ``damping`` are their weights, in turn."""
 
     def __init__(self, rule: ZeroDilatancy, run: Run, associated: ConvexSearch) -> None:
         self.rule, self.run, self.associated = rule, run, associated
-        self.found: list[Found] = []
+        self.solutions: list[CheckedState] = []
         self.typical: FloatArray | None = None
         self.failed = self.tried = 0
         self.products: LiftedBound | None = None
@@ -159,26 +173,32 @@ class _Search:
         self.random = np.random.default_rng(rule.seed)
 
     def steps(self) -> Steps:
+        """Runs the whole search, problem by problem, and returns the status of the run."""
+        # The associated model: its upper bound, and the mechanism of the first start.
         mechanism = yield from self._associated()
+        # Solutions from that mechanism and from random prices.
         for start in range(self.rule.starts):
             if start == 0 and mechanism is not None:
-                found = yield from self._started("associated", self._price(mechanism), True)
+                solution = yield from self._started("associated", self._price(mechanism), True)
             else:
-                price = self._drawn(_N.scales[max(start - 1, 0) % len(_N.scales)])
-                found = yield from self._started(f"random {start}", price, False)
-            self.failed += found is None
+                price = self._random_price(_N.scales[max(start - 1, 0) % len(_N.scales)])
+                solution = yield from self._started(f"random {start}", price, False)
+            self.failed += solution is None
+        # A lower bound of all solutions; where the lowest found does not meet it, walks seek lower
+        # and higher ones.
         self._bound_from_below()
         yield
-        if self.found and not self.run.best.bracket.is_within(self.rule.tolerance):
+        if self.solutions and not self.run.best.bracket.is_within(self.rule.tolerance):
             yield from self._walked(1.0, self.rule.descents)
             yield from self._walked(-1.0, self.rule.descents // 2)
-        if self.found and self.rule.products is not None:
+        if self.solutions and self.rule.products is not None:
             self._bound_by_products(self.rule.products)
         self._report()
-        return Status.CONVERGED if self.found else Status.NOT_CONVERGED
+        return Status.CONVERGED if self.solutions else Status.NOT_CONVERGED
 
     def _associated(self) -> Generator[None, None, FloatArray | None]:
-        """The mechanism of the associated model, whose upper bound holds for all solutions."""
+        """Solves the associated model, whose upper bound holds for all solutions, and returns its
+        mechanism (free, 6); None if it has none."""
         yield from self.associated.steps()
         aside = self.associated.run
         self.run.history += [
@@ -193,25 +213,26 @@ class _Search:
         return aside.best.mechanism
 
     def _bound_from_below(self) -> None:
-        """What least thrusts prove, for as long as has been searched so far."""
+        """Raises the run's lower bound by what least thrusts prove of all solutions. This may take
+        as long as the search has taken so far."""
         run = self.run
         if not is_covered(run):
             return
-        lowest = self._extreme(1.0)[0].load_factor if self.found else run.best.bracket.upper
+        lowest = self._extreme(1.0)[0].load_factor if self.solutions else run.best.bracket.upper
         states = (
             ()
             if self.verifier.strength.is_internal
-            else tuple((member.forces, member.load_factor) for member, _ in self.found)
+            else tuple((member.forces, member.load_factor) for member, _ in self.solutions)
         )
         run.tell("bounding solutions without dilatancy from below")
-        found = lower_bound(run, lowest, states, max(PATIENCE, run.clock.elapsed))
-        if found.load_factor > 0.0:
-            bracket = run.best.bracket.raised(found.load_factor, True)
+        bound = lower_bound(run, lowest, states, max(PATIENCE, run.clock.elapsed))
+        if bound.load_factor > 0.0:
+            bracket = run.best.bracket.raised(bound.load_factor, True)
             run.best = replace(run.best, bracket=bracket)
         self._report()
 
     def _bound_by_products(self, settings: Lifted) -> None:
-        """What products of forces and rates show besides."""
+        """Raises the run's lower bound by what products of forces and rates show, without proof."""
         run, start = self.run, max(self.run.best.bracket.lower, 0.0)
         run.tell("bounding solutions by products of forces and rates")
         lowest = self._extreme(1.0)[0].load_factor
@@ -221,11 +242,11 @@ class _Search:
                 run.best = replace(run.best, bracket=bracket)
             self._report()
 
-    # One solution
-
     def _started(
         self, label: str, price: FloatArray, iterates: bool
-    ) -> Generator[None, None, Found | None]:
+    ) -> Generator[None, None, CheckedState | None]:
+        """Returns the solution that a start at a price (n,) leads to, through iterates of De Saxce
+        where ``iterates`` is true; None if it leads to none."""
         before = self.pair.solved
         state: LimitState | None = self._priced(price, _N.rough)
         if iterates and state is not None:
@@ -237,39 +258,45 @@ class _Search:
     def _iterated(
         self, state: LimitState, price: FloatArray, number: int, tolerance: float
     ) -> Generator[None, None, LimitState | None]:
-        """De Saxce's iterates: prices follow the price problem's own mechanism, damped."""
+        """Takes so many iterates of De Saxce from a state, in which prices (n,) follow the priced
+        problem's own mechanism, damped. Returns the last state; None if a solve fails."""
         for k in range(number):
             w = self.damping[k % len(self.damping)]
             if state.mechanism is None:
                 return None
             price = np.maximum((1.0 - w) * price + w * self._price(state.mechanism), 0.0)
-            found = self._priced(price, tolerance)
-            if found is None:
+            following = self._priced(price, tolerance)
+            if following is None:
                 return None
-            state = found
+            state = following
             yield
         return state
 
     def _paired(
         self, label: str, state: LimitState, most: int
-    ) -> Generator[None, None, Found | None]:
-        """Both problems in turn, until forces and mechanism lose no more than the tolerance; at
-        ``most`` so many problems in all."""
+    ) -> Generator[None, None, CheckedState | None]:
+        """Solves both problems of the pair in turn, until forces and mechanism lose no more than
+        the tolerance, and returns the solution. Returns None if a solve fails, or when the run has
+        solved ``most`` problems of pairs."""
         begun, aim = self.pair.solved, self.rule.tolerance
         finest = max(_N.exact * aim, _N.finest)
         loss, before = 1.0, np.inf
         while self.pair.solved < most:
+            # Friction held at the state's compressions: the loss, and a mechanism.
             exact = min(max(_N.exact * loss, finest), _N.rough)
             held = self._held(state, exact)
             if held is None or held.mechanism is None or state.load_factor is None:
                 return None
             unit = self.run.scaling.unit(state.load_factor)
             loss = ((held.load_factor or 0.0) - state.load_factor) / unit
+            # Within the tolerance it is checked; if the checker refuses it, solves become finer.
             if loss <= aim:
                 both = replace(state, mechanism=held.mechanism)
-                if (found := self._checked(both, label, self.pair.solved - begun)) is not None:
-                    return found
+                solution = self._checked(both, label, self.pair.solved - begun)
+                if solution is not None:
+                    return solution
                 finest, loss = max(0.1 * finest, _N.finest), min(loss, finest)
+            # Forces at the mechanism's price; where pairs stall, iterates of De Saxce from there.
             price = self._price(held.mechanism)
             self.typical = price
             exact = min(max(_N.exact * loss, finest), _N.rough)
@@ -284,41 +311,48 @@ class _Search:
             yield
         return None
 
-    # Low and high ones
-
     def _walked(self, sign: float, number: int) -> Generator[None]:
-        """Walks of so many pairs in all, down (``sign`` 1) or up: forces that are extreme on a
-        mechanism, a mechanism of theirs, and so on, every second of both random by a little.
-        They begin at the extreme solution and at random prices in turn, every fourth of the former
-        at any solution, and end at one: from the extreme one alone, a chance find holds them.
-        Others that they pass are kept if they are more extreme than all before: there the lowest
-        ones are found, since a mechanism's extreme forces are left again by the next step."""
+        """Walks in ``number`` pairs in all, down (``sign`` 1) or up (``sign`` -1).
+
+        A walk alternates between forces that are extreme on a mechanism and a mechanism of these
+        forces; every second pair is random by a little. It ends at a solution. Solutions that it
+        passes on the way are kept if they are more extreme than all before: the lowest ones are
+        found like this, since the next step leaves a mechanism's extreme forces again.
+        """
         aim = self.rule.tolerance
         exact = _N.exact * aim
         for walk in range(-(-number // _N.walk)):
             begun = self.pair.solved
+            # Walks begin at the most extreme solution and at random prices in turn, every fourth of
+            # the former at any solution: otherwise a chance find would hold all of them.
             state: LimitState | None = self._extreme(sign)[1]
             if walk % 8 == 6:
-                state = self.found[self.random.integers(len(self.found))][1]
+                state = self.solutions[self.random.integers(len(self.solutions))][1]
             label = f"{'descent' if sign > 0.0 else 'ascent'} {walk + 1}"
             if walk % 2 == 1:
                 scale = _N.scales[walk // 2 % len(_N.scales)]
-                state = self._with_mechanism(self._priced(self._drawn(scale), _N.rough), exact)
+                forces = self._priced(self._random_price(scale), _N.rough)
+                state = self._with_mechanism(forces, exact)
             size = _N.pushes[walk // 2 % len(_N.pushes)]
             for step in range(min(_N.walk, number - walk * _N.walk)):
                 if state is None or state.mechanism is None:
                     break
                 self.tried += 1
+                # Forces that are extreme on the mechanism: its price a little too high for low
+                # ones, too low for high ones.
                 price = (1.0 + sign * size) * self._price(state.mechanism)
                 push = size if step % 2 == 1 else 0.0
                 unit = self.run.scaling.unit(state.load_factor or 0.0) / self.run.scaling.force
-                forces = self._priced(price + self._chance(push * unit), exact)
-                state = self._with_mechanism(forces, exact, 1.0 - self._chance(push))
-                if state is not None and push == 0.0:  # friction is held as it is
+                forces = self._priced(price + self._random_sizes(push * unit), exact)
+                # A mechanism of these forces.
+                state = self._with_mechanism(forces, exact, 1.0 - self._random_sizes(push))
+                # Without random changes both may be a solution, kept if it is the most extreme.
+                if state is not None and push == 0.0:
                     factor, most = state.load_factor or 0.0, self._extreme(sign)[0].load_factor
                     if sign * (most - factor) > aim * self.run.scaling.unit(most):
                         self._checked(state, label, self.pair.solved - begun)
                 yield
+            # The solution at the end of the walk.
             if state is not None:
                 most = self.pair.solved + self.rule.max_iterations // 4
                 yield from self._paired(label, state, most)
@@ -326,59 +360,69 @@ class _Search:
     def _with_mechanism(
         self, forces: LimitState | None, tolerance: float, share: FloatArray | float = 1.0
     ) -> LimitState | None:
+        """Returns a state with forces and the mechanism of friction held at a ``share`` of their
+        compressions; None if there are no forces, or a solve fails."""
         held = None if forces is None else self._held(forces, tolerance, share)
         return None if forces is None or held is None else replace(forces, mechanism=held.mechanism)
 
-    def _extreme(self, sign: float) -> Found:
-        return min(self.found, key=lambda found: sign * found[0].load_factor)
-
-    # Both problems
+    def _extreme(self, sign: float) -> CheckedState:
+        """Returns the lowest solution (``sign`` 1) or the highest (``sign`` -1)."""
+        return min(self.solutions, key=lambda solution: sign * solution[0].load_factor)
 
     def _price(self, mechanism: FloatArray) -> FloatArray:
+        """Returns the price (n,) of a mechanism (free, 6)."""
         return self.pair.dilatancy(mechanism)
 
-    def _drawn(self, scale: float) -> FloatArray:
-        """Random prices: mostly small, some large."""
+    def _random_price(self, scale: float) -> FloatArray:
+        """Returns random prices (n,) of a scale over the typical one: mostly small, some large."""
         natural = _N.natural * float(self.run.contacts.friction.max()) / self.run.scaling.live
-        return self._chance(scale * (natural if self.typical is None else self.typical.max()))
+        return self._random_sizes(scale * (natural if self.typical is None else self.typical.max()))
 
-    def _chance(self, size: float) -> FloatArray:
+    def _random_sizes(self, size: float) -> FloatArray:
+        """Returns random numbers (n,) from 0 to ``size``, most of them small."""
         return np.asarray(size * self.random.uniform(size=len(self.run.contacts)) ** 2)
 
     def _priced(self, price: FloatArray, tolerance: float) -> LimitState | None:
+        """Returns the state of the priced problem; None if the solve fails."""
         state = self.pair.priced(price, tolerance)
         return None if state.forces is None else state
 
     def _held(
         self, state: LimitState, tolerance: float, share: FloatArray | float = 1.0
     ) -> LimitState | None:
-        found = self.pair.held(share * pressed(state), tolerance)
-        return None if found.mechanism is None or found.load_factor is None else found
+        """Returns the state with friction held at a ``share`` of the given state's compressions;
+        None if the solve fails."""
+        held = self.pair.held(share * pressed(state), tolerance)
+        return None if held.mechanism is None or held.load_factor is None else held
 
-    # What is said
+    # Checks and reports
 
-    def _checked(self, state: LimitState, label: str, iterations: int) -> Found | None:
-        """Forces and a mechanism, kept if they are a solution."""
+    def _checked(self, state: LimitState, label: str, iterations: int) -> CheckedState | None:
+        """Checks a state's forces and mechanism. Returns the solution and keeps it if its residual
+        is within the tolerance; otherwise returns None."""
         with self.run.clock.phase("certify"):
             member = self.verifier.member(state, label, iterations)
         if member is None or member.residual > self.rule.tolerance:
             return None
-        self.found.append((member, state))
+        self.solutions.append((member, state))
         self._report()
         return member, state
 
     def _report(self) -> None:
-        members = sorted((member for member, _ in self.found), key=lambda m: m.load_factor)
+        """Writes the remark and the answer of the run as they are now."""
+        # The bounds of all solutions, in words.
+        members = sorted((member for member, _ in self.solutions), key=lambda m: m.load_factor)
         bracket = self.run.best.bracket
         by = "least thrusts"
         if self.products is not None and self.products.is_bound:
             by = f"products of forces and rates ({self.products})"
-        ends = (
+        named_ends = (
             (bracket.lower, f"none is below {rounded_down(bracket.lower)}, by {by}"),
             (bracket.upper, f"none above {rounded_up(bracket.upper)}, by associated friction"),
         )
-        said = " and ".join(words for end, words in ends if np.isfinite(end))
-        above = f"; the bracket is one of all solutions without dilatancy: {said}" if said else ""
+        ends = " and ".join(words for end, words in named_ends if np.isfinite(end))
+        above = f"; the bracket is one of all solutions without dilatancy: {ends}" if ends else ""
+        # The solutions found, and whether there may be lower ones.
         tried = f"{self.rule.starts - self.failed} of {self.rule.starts} starts"
         if members:
             span = " to ".join(rounded(m.load_factor) for m in (members[0], members[-1]))
@@ -394,6 +438,7 @@ class _Search:
         self.run.remarks = [remark]
         if self.products is not None and not self.products.is_bound:
             self.run.remarks.append(f"no bound by products: {self.products}")
+        # The answer: the lowest solution, with all of them as members.
         if members:
             best, state = self._extreme(1.0)
             internal = state.internal if self.verifier.strength.is_internal else None
