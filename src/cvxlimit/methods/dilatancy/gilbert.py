@@ -25,7 +25,7 @@ from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded
 
 _TOLERANCE = 1e-8
-"""Of every problem, below any change at which the scheme stops."""
+"""Tolerance of every problem, below any change at which the scheme stops."""
 
 
 @dataclass(frozen=True)
@@ -39,16 +39,17 @@ class Gilbert(Method):
     Attributes
     ----------
     tolerance : float
-        Change of the load factor, relative, at which it stops.
+        Relative change of the load factor at which the scheme stops.
     excess : float
         By how much Coulomb's law may be exceeded in an answer, over the mean weight of a block.
     eta : float
         How far cones are rotated beyond the vertical.
     weight : float
-        Of the new normal forces against the old ones.
+        Weight of the new normal forces against the old ones.
     cohesion : float
-        Fictitious, a force per contact over the mean weight of a block.
+        Fictitious cohesion: a force per contact, over the mean weight of a block.
     max_iterations : int
+        Most problems after the first, associated one.
 
     Example
     -------
@@ -83,12 +84,13 @@ class Gilbert(Method):
         search = standing(run, run.model)
         if search is None:
             return Status.DEAD_LOAD_UNSTABLE
+        # The associated problem, and the scheme's with friction held and cones turned by eta.
         with run.clock.phase("compile"):
             reduced = Reduced(run, search)
             held = cp.Parameter(len(reduced.kept))
             problem, scheme = reduced.problem(), reduced.held(held, self.eta)
             mu = np.where(contacts.friction > 0.0, contacts.friction, np.inf)
-            fictitious = self.cohesion * unit / mu  # as compressions: friction makes forces of them
+            fictitious = self.cohesion * unit / mu  # A compression: friction makes a force of it.
         pressed: FloatArray | None = None
         for number in range(self.max_iterations + 1):
             state, settings = run.try_solvers(problem.run, run.ladder or ladder(_TOLERANCE))
@@ -97,20 +99,23 @@ class Gilbert(Method):
             if state.forces is None or state.load_factor is None:
                 claims = state.outcome.claims_no_optimum
                 return Status.NOT_CONVERGED if claims else Status.SOLVER_FAILED
+            # How far the answer exceeds Coulomb's law at its own normal forces.
             over = [y.max() for s in run.surfaces for y in s.excess(state.forces, contacts)]
             excess = max(float(max(over)), 0.0) / unit
             run.best = Answer(state.load_factor, run.best.bracket, state.forces, state.mechanism)
-            run.remarks = [self._worth(run, change, excess)]
+            run.remarks = [self._remark(run, change, excess)]
             if number > 1 and change is not None and change <= self.tolerance:
                 return Status.CONVERGED if excess <= self.excess else Status.NOT_CONVERGED
-            found = state.forces[:, COLUMN["N"]]
-            pressed = found if pressed is None else pressed + self.weight * (found - pressed)
+            # The next cones are turned about a mean of the last normal forces and those before.
+            normal = state.forces[:, COLUMN["N"]]
+            pressed = normal if pressed is None else pressed + self.weight * (normal - pressed)
             held.value = ((1.0 + self.eta) * pressed + fictitious)[reduced.kept]
             problem = scheme
             yield
         return Status.NOT_CONVERGED
 
-    def _worth(self, run: Run, change: float | None, excess: float) -> str:
+    def _remark(self, run: Run, change: float | None, excess: float) -> str:
+        """Returns the remark: how far the scheme came, and what its answer is worth."""
         return (
             f"Gilbert's scheme after {len(run.history)} problems, last change "
             f"{change or 1.0:.1e}: Coulomb's law is exceeded by {excess:.2g} mean block weights; "

@@ -32,28 +32,36 @@ class Verifier:
         surfaces = needed_surfaces(run.surfaces)
         self.certifier = certifier or Certifier(run.assemblage, surfaces)
         self.strength = self.certifier.strength
-        if slip is None or self.strength.is_internal:  # that of resultants does not know cells
+        # A flow rule of resultants does not know the cells that internal forces act on.
+        if slip is None or self.strength.is_internal:
             slip = Slip(surfaces, self.strength.model)
         self.slip = slip
 
     def member(self, state: LimitState, start: str, iterations: int) -> Member | None:
-        """A solver's forces and mechanism, balanced and scaled to live power 1, with all their
-        residuals."""
-        given, alpha = self.certifier.given(state), state.load_factor
-        if given is None or state.mechanism is None or alpha is None:
+        """Returns a solver's forces, balanced, and its mechanism, scaled to live power 1, with all
+        their residuals; None without forces or without live power.
+
+        ``start`` says where the search began, ``iterations`` how many problems it solved.
+        """
+        internal, alpha = self.certifier.given(state), state.load_factor
+        if internal is None or state.mechanism is None or alpha is None:
             return None
         live = float(self.statics.live @ state.mechanism.ravel())
         if not live > 0.0:
             return None
+        # The mechanism at live power 1, and forces in equilibrium with the loads.
         mechanism = state.mechanism / live
-        balanced = self.strength.balanced(given, alpha, self.statics)
+        balanced = self.strength.balanced(internal, alpha, self.statics)
         forces = self.strength.forces(balanced)
         rates = self.statics.relative_rates(mechanism)
-        found = self.slip.of(rates)
-        taken = self.slip.dilatancy(found) * forces[:, COLUMN["N"]] + found.by_contact
+        # Complementarity: at each contact the power of the forces (negative where they resist) and
+        # the power that friction, cohesion and strength take up cancel out.
+        shortfall = self.slip.of(rates)
+        taken = self.slip.dilatancy(shortfall) * forces[:, COLUMN["N"]] + shortfall.by_contact
         lost = float(np.abs((forces * rates).sum(axis=1) + taken).sum())
+        # Flow: rates that no condition resists, or missing openings, over the largest rate.
         openings = corner_openings(rates, self.contacts)
-        penetrates = float(np.abs(found.unresisted).max(initial=found.missing.max()))
+        penetrates = float(np.abs(shortfall.unresisted).max(initial=shortfall.missing.max()))
         largest = float(max(np.abs(openings).max(), np.abs(rates[:, :2]).max()))
         equilibrium, excess = self.certifier.residuals(balanced, alpha)
         return Member(

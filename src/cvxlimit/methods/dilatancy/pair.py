@@ -1,15 +1,26 @@
 """The two convex problems whose common answers are the solutions without dilatancy.
 
-Of admissible forces x, load factor alpha and a mechanism u of live power 1 that opens no joint the
-wrong way, the loss
+Take admissible forces x with the load factor alpha, and a mechanism u of live power 1 whose joints
+do not penetrate. Their *loss* is what friction and cohesion dissipate, less the power of the loads:
 
-    Phi(x, u) = sum (mu N + c A) sigma - dead . u - alpha,   sigma = max(|slip|, c_T |twist|),
+    Phi(x, u) = sum over contacts of (mu N + c A) sigma - dead . u - alpha,
+    sigma     = max(|slip|, c_T |twist|).
 
-is never negative, and zero exactly where x and u are a solution. For fixed x the least over u is
-the load factor with friction held at the compressions of x (:mod:`.tresca`), less alpha. For fixed
-u the least over x maximises alpha - sum p N at the *price* p = mu sigma. Both are convex, on one
-pattern, so alternating them never raises the loss; and an x belongs to a solution if and only if
-the load factor with its friction held is its own.
+===========  ===============================================  =====  ===========================
+letter       what it is                                       shape  in the code
+===========  ===============================================  =====  ===========================
+N            compression, positive under pressure             (n,)   forces[:, COLUMN["N"]]
+mu, c, A     friction coefficient, cohesion, area             (n,)   contacts.friction and so on
+c_T          torsion arm (Eq. 16)                             (n,)   contacts.torsion_arm
+slip, twist  relative rates along t1 and t2, and about n      (n,)   statics.relative_rates
+p            price: the opening that dilatancy would add      (n,)   Pair.dilatancy
+===========  ===============================================  =====  ===========================
+
+The loss is never negative, and zero exactly where x and u are a solution. Two convex problems on
+one pattern lower it in turn. For fixed x the least loss over u is the load factor with friction
+held at the compressions of x (:mod:`.tresca`), less alpha. For fixed u the least loss over x is at
+the largest alpha - sum of p N, with the price p = mu sigma. The forces x belong to a solution if
+and only if the load factor with their friction held is their own.
 """
 
 from __future__ import annotations
@@ -39,7 +50,8 @@ from cvxlimit.surfaces.coulomb import needed_surfaces
 
 @dataclass(frozen=True, eq=False)
 class Priced:
-    """Goal: the load factor less what compressions cost, ``price`` (n,) scaled like it."""
+    """The goal to maximise the load factor less compressions times their ``price`` (n,), which is
+    scaled as the problem is."""
 
     price: cp.Parameter
 
@@ -48,18 +60,18 @@ class Priced:
 
 
 class Reduced:
-    """The smallest model of a run, for problems with friction held; what a search for the load
-    factor knows already is not sought again.
+    """The smallest model of a run that has the same solutions.
 
-    A mirror is left out unless a symmetric answer will do: without dilatancy a symmetric structure
-    may fall on one side.
+    It takes the reductions of the ``search`` for the associated load factor where that is given. A
+    mirror plane is used only if ``is_symmetric``, where a symmetric answer will do: without
+    dilatancy a symmetric structure may fall on one side.
 
     Attributes
     ----------
     kept : (k,) int array
-        Contacts that it has.
+        Contacts that the model has, out of n.
     lift : (n, k) matrix
-        Compressions of all contacts that those of the kept ones stand for.
+        Maps compressions of the kept contacts to those of all.
     """
 
     def __init__(
@@ -67,31 +79,35 @@ class Reduced:
     ) -> None:
         self.surfaces = needed_surfaces(run.surfaces)
         if search is None:
-            found = Reductions.of(run.assemblage, self.surfaces, model=run.model)
+            reductions = Reductions.of(run.assemblage, self.surfaces, model=run.model)
         else:
-            found = search.reductions
-        found = found if is_symmetric else replace(found, mirror=None)
-        self.assemblage, state = found.assemblage, None
-        if found.loaded is not None:
-            certifier = search.certifier if search else Certifier(found.assemblage, self.surfaces)
-            state = certifier.witnesses.easy_dead_state
-        self.reduction = found.best(state)
+            reductions = search.reductions
+        reductions = reductions if is_symmetric else replace(reductions, mirror=None)
+        self.assemblage, state = reductions.assemblage, None
+        # Unloaded parts may be left out only if a state of theirs carries their dead load.
+        if reductions.loaded is not None:
+            own = search.certifier if search else Certifier(reductions.assemblage, self.surfaces)
+            state = own.witnesses.easy_dead_state
+        self.reduction = reductions.best(state)
+        # Which contacts are left, by the reductions that were chosen.
         n, names = len(run.contacts), self.reduction.names
         is_kept = np.ones(n, dtype=bool)
-        if "parts" in names and found.loaded is not None:
-            is_kept = contacts_of(run.assemblage.statics, found.loaded)
-        if found.mirror is not None:
-            is_kept = is_kept & (np.arange(n) <= found.mirror.contacts)
+        if "parts" in names and reductions.loaded is not None:
+            is_kept = contacts_of(run.assemblage.statics, reductions.loaded)
+        if reductions.mirror is not None:
+            is_kept = is_kept & (np.arange(n) <= reductions.mirror.contacts)
+        # Compressions of all contacts from those: the rows and columns of N in the map of forces.
         self.kept, lift, at = np.flatnonzero(is_kept), self.reduction.forces, COLUMN["N"]
         each = slice(at, None, len(COMPONENTS))
         self.lift = sp.eye_array(n, format="csr") if lift is None else lift[each][:, each].tocsr()
 
     def problem(self, goal: Goal = LARGEST_FACTOR) -> LimitProblem:
-        """With friction as it is."""
+        """Returns the problem with friction as it is."""
         return LimitProblem(self.assemblage, self.surfaces, reduction=self.reduction, goal=goal)
 
     def held(self, pressed: cp.Parameter, turned: float = 0.0) -> LimitProblem:
-        """With friction held at compressions (k,); see :func:`~.tresca.held`."""
+        """Returns the problem with friction held at compressions (k,) of the kept contacts;
+        ``turned`` as in :func:`~.tresca.held`."""
         reduction, own = self.reduction, self.reduction.formulation
         if own is not corner_compressions:
             reduction = replace(reduction, formulation=HeldFormulation(own, pressed, turned))
@@ -127,14 +143,16 @@ class Pair:
             self.has_cones = self._priced.shape.cones > 0
 
     def priced(self, price: FloatArray, tolerance: float) -> LimitState:
-        """Forces of the largest load factor less prices (n,) of compressions."""
+        """Solves for the largest load factor less prices (n,) times compressions, and returns the
+        state."""
         self._price.value = self.run.scaling.live * (self._lift.T @ price)
         state, settings = self._solved(self._priced, tolerance)
         self.run.note(state, f"{settings}, compressions priced")
         return state
 
     def held(self, pressed: FloatArray, tolerance: float) -> LimitState:
-        """The load factor, and a mechanism, with friction held at compressions (n,)."""
+        """Solves with friction held at compressions (n,), and returns the state with its load
+        factor and mechanism."""
         self._pressed.value = np.maximum(pressed, 0.0)[self._kept]
         state, settings = self._solved(self._held, tolerance)
         self.run.note(replace(state, load_factor=None), f"{settings}, friction held")
@@ -145,18 +163,19 @@ class Pair:
         return self.run.try_solvers(problem.run, self.run.ladder or ladder(tolerance))
 
     def dilatancy(self, mechanism: FloatArray) -> FloatArray:
-        """The price (n,) of a mechanism: the opening that dilatancy would add at live power 1."""
+        """Returns the price (n,) of a mechanism (free, 6): the opening that dilatancy would add to
+        it at live power 1."""
         statics = self.run.assemblage.statics
         unit = mechanism / float(statics.live @ mechanism.ravel())
         return self.slip.dilatancy(self.slip.of(statics.relative_rates(unit)))
 
 
 def ladder(tolerance: float) -> Sequence[SolverSettings]:
-    """Our own solver, which starts warm, and Clarabel where it fails."""
+    """Returns our own solver, which starts warm, and Clarabel for where it fails."""
     return (*blockwise(tolerance), *clarabel_at(tolerance))
 
 
 def pressed(state: LimitState) -> FloatArray:
-    """Compressions (n,) of a state with forces."""
+    """Returns the compressions (n,) of a state that has forces."""
     assert state.forces is not None
     return state.forces[:, COLUMN["N"]]

@@ -1,8 +1,11 @@
 """Friction held at given compressions: Tresca's law in place of Coulomb's, for any surface.
 
-A condition is one of friction if shear or torsion stand in it. Its resistance grows with the
-compression, k N and more; held at compressions N' it is k N' and more, a number, and joints slide
-on it without opening. Everything else about a surface stays associated.
+A condition is one of friction if shear or torsion stand in it. Its resistance is k N plus further
+terms, where N is the compression of a contact and k the condition's slope, mu as a rule. Held at
+compressions N' the resistance is k N' plus the same terms: it no longer grows with N, so that
+joints slide without opening. Everything else about a surface stays associated.
+
+In this folder compressions N' at which friction is held are called ``pressed`` (n,).
 """
 
 from __future__ import annotations
@@ -31,14 +34,17 @@ _SHEARS = ("V1", "V2", "MT", "V")
 
 
 def is_friction(condition: Condition) -> bool:
-    """True if a condition bounds shear or torsion."""
+    """Returns True if a condition bounds shear or torsion."""
     return any(is_some(form.get(name, 0.0)) for form in condition.forms() for name in _SHEARS)
 
 
 def held(condition: Condition, pressed: Any, turned: float = 0.0) -> Condition:
-    """A condition with its friction held at compressions (n,), numbers or a Parameter; ``turned``
-    is the share of compressions beyond them by which friction is less, as with a cone that is
-    turned beyond the vertical."""
+    """Returns a condition with its friction held at compressions ``pressed`` (n,), numbers or a
+    Parameter.
+
+    With ``turned`` > 0 the resistance is k N' - turned k N: it falls a little as N grows, as on a
+    cone that is turned beyond the vertical.
+    """
     slope = condition.resistance.get("N", 0.0)
     if not (is_friction(condition) and is_some(slope)):
         return condition
@@ -52,7 +58,7 @@ def held(condition: Condition, pressed: Any, turned: float = 0.0) -> Condition:
 
 
 class Tresca(YieldSurface):
-    """Another surface, its friction held at compressions (n,)."""
+    """A surface that is another one with its friction held at compressions ``pressed`` (n,)."""
 
     def __init__(self, surface: YieldSurface, pressed: Any, turned: float = 0.0) -> None:
         super().__init__(surface.cone)
@@ -68,13 +74,14 @@ class Tresca(YieldSurface):
 def tresca(
     surfaces: Sequence[YieldSurface], pressed: Any, turned: float = 0.0
 ) -> tuple[YieldSurface, ...]:
-    """Surfaces with friction held; those without any as they are."""
+    """Returns surfaces with their friction held; rocking, which has none, stays as it is."""
     return tuple(s if s.name == "rocking" else Tresca(s, pressed, turned) for s in surfaces)
 
 
 @dataclass(frozen=True, eq=False)
 class HeldFormulation:
-    """A formulation that states friction itself, as planar models do, with that friction held."""
+    """A formulation that is another one, which states friction itself as planar models do, with
+    that friction held."""
 
     formulation: Formulation
     pressed: Any
@@ -87,12 +94,16 @@ class HeldFormulation:
 
 
 class Slip:
-    """What joints lose and lack in a mechanism that slides without opening, and what dilatancy
-    would have added: the flow rule with friction held, in the internal forces of a model."""
+    """The flow rule with friction held, in the internal forces of a model.
+
+    For a mechanism it says which openings joints lack, what power cohesion and strength take up,
+    and what opening dilatancy would have added.
+    """
 
     def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel | Contacts) -> None:
         contacts = model if isinstance(model, Contacts) else model.contacts
         self.flow = FlowRule(tresca(surfaces, np.zeros(len(contacts))), model)
+        # The slope k of each row of the flow rule, zero where it is none of friction, and its contact.
         slopes, at = [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
         for _, condition, _ in self.flow.model.strength(surfaces):
             row = condition.rows(len(contacts))
@@ -102,12 +113,13 @@ class Slip:
         self._slope, self._contact = np.concatenate(slopes), np.concatenate(at)
 
     def of(self, rates: FloatArray) -> Shortfall:
-        """Of relative rates (n, 6): openings that are missing, and what cohesion and strength take
-        up of their power."""
+        """Returns the openings that relative rates (n, 6) lack, and what cohesion and strength take
+        up of their power. The columns are rates along t1, t2 and n, and turns about t1, t2 and
+        n, in the order of :data:`COMPONENTS`."""
         return self.flow.shortfall(rates)
 
-    def dilatancy(self, found: Shortfall) -> FloatArray:
-        """The opening (n,) that associated friction would add: times the compression, what friction
-        takes up."""
-        each = self._slope * found.multipliers
+    def dilatancy(self, shortfall: Shortfall) -> FloatArray:
+        """Returns the opening (n,) that associated friction would add at each contact. Times the
+        compression it is the power that friction takes up."""
+        each = self._slope * shortfall.multipliers
         return np.asarray(np.bincount(self._contact, each, len(self.flow.model.contacts)), float)
