@@ -103,7 +103,7 @@ class Slip:
     def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel | Contacts) -> None:
         contacts = model if isinstance(model, Contacts) else model.contacts
         self.flow = FlowRule(tresca(surfaces, np.zeros(len(contacts))), model)
-        # The slope k of each row of the flow rule, zero where it is none of friction, and its contact.
+        # Of each row of the flow rule: the slope k, zero without friction, and the contact.
         slopes, at = [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
         for _, condition, _ in self.flow.model.strength(surfaces):
             row = condition.rows(len(contacts))
