@@ -1,7 +1,13 @@
-"""Programs put together from pieces: columns of some disjuncts, and the rows that are theirs alone.
+"""Cone programs put together from blocks of columns.
 
-Only the equations of equilibrium have columns of several pieces. So thousands of problems that
-differ in a contact or two share all other pieces, and one may start where another one was.
+A *block* has the columns of some disjuncts (unknowns of contacts, see :mod:`.hull`) and the rows
+that only these columns have: linear inequalities, called *lines*, and second-order cones of three
+rows each. Blocks share nothing but the equations of equilibrium. So thousands of problems that
+differ in a contact or two share all other blocks, and a solver may start one problem where it was
+with another.
+
+A program's rows stand in the order equations, lines, cones; its columns are those of the blocks,
+one block after the other.
 """
 
 from __future__ import annotations
@@ -19,16 +25,21 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.model.sinks import Rows
 from cvxlimit.solvers.interior import Point
 
-Entry = tuple[IntArray, IntArray, FloatArray]  # rows, columns and values of a sparse matrix
+Entry = tuple[IntArray, IntArray, FloatArray]
+"""Rows, columns and values of a sparse matrix."""
 
-
-Key = tuple[int, bytes]  # a contact, -1 for none, and what of it
+Key = tuple[int, bytes]
+"""The name of a block: its contact, -1 for none, and the names of its disjuncts."""
 
 
 class Members(NamedTuple):
-    """Whose a piece's columns, linear rows and cones are: of which kind, and of which of the
-    disjuncts with these ``names``, which begin with their contact. Equal keys are those of equal
-    pieces."""
+    """What the columns, lines and cones of a block belong to.
+
+    Blocks with equal keys are equal. ``names`` are the names of the block's disjuncts, whose first
+    bytes are their contact. ``columns``, ``lines`` and ``cones`` hold a label for each column, line
+    and cone: its kind (0 for the first call that stated some, 1 for the next, and so on) and the
+    number of its disjunct in the block, as :func:`_labels` packs them.
+    """
 
     key: Key
     names: list[bytes]
@@ -39,9 +50,22 @@ class Members(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ColumnBlock:
-    """Columns with ``counts`` entries each: ``data`` in ``rows``, which are numbered within their
-    ``kind``, 0 for equations, 1 for linear rows, 2 for those of cones; and ``forces``, the entries
-    that give contact forces."""
+    """Columns of a program in compressed form.
+
+    Attributes
+    ----------
+    members : Members
+        What columns, lines and cones belong to.
+    counts : (columns,) array of int
+        How many entries each column has.
+    data : (entries,) array
+        The entries, column by column.
+    rows, kind : (entries,) arrays of int
+        Their rows, numbered within their kind and block: 0 for equations, 1 for lines, 2 for rows
+        of cones.
+    forces : Entry
+        The map from the block's columns to contact forces (6 n,).
+    """
 
     members: Members
     counts: IntArray
@@ -53,7 +77,7 @@ class ColumnBlock:
 
 @dataclass(frozen=True, eq=False)
 class Halfway:
-    """A point on the way to an answer, and whose its numbers are."""
+    """A point on a solver's way to an answer, and what its numbers belong to, block by block."""
 
     members: tuple[Members, ...]
     point: Point
@@ -67,76 +91,107 @@ def cut(
     stated: Rows,
     forces: Entry,
 ) -> list[ColumnBlock]:
-    """A piece for every key, of the disjuncts whose ``unit`` (k,) is its number. ``kinds`` says
-    whose columns, linear rows and cones are, kind by kind, as they were ``stated``; cones have
-    three rows each."""
+    """Cuts a statement into blocks, and returns one for each key.
+
+    Parameters
+    ----------
+    keys : sequence of Key
+        Names of the blocks.
+    unit : (k,) array of int
+        Block of each of the k disjuncts.
+    names : sequence of bytes
+        Names of the disjuncts.
+    kinds : three lists of int arrays
+        The disjuncts of all columns, of all lines and of all cones, one array for each call that
+        stated some.
+    stated : Rows
+        The statement.
+    forces : Entry
+        The map from the statement's columns to contact forces.
+    """
+    # Columns, lines, cones and disjuncts sorted by block: the new place of each, and where the
+    # blocks start. ``first`` is the first row of each kind.
     equations = sum(form.size for form in stated.equations)
     of = [unit[np.concatenate(each)] for each in kinds]
     places, starts = zip(*(_grouped(each, len(keys)) for each in (*of, unit)), strict=True)
     (column, line, cone, disjunct), first = places, np.cumsum([0, equations, len(of[1])])
+    # The statement's matrix with rows and columns in their new places.
     triples = first[2] + (3 * cone[:, None] + np.arange(3)).ravel()
     at = np.concatenate([np.arange(equations), equations + line, triples])
     entries, _ = stated.entries()
     every = [(at[rows], column[columns], values) for rows, columns, values, _ in entries]
     matrix = stacked(every, (len(at), len(column)))
+    # Each entry's row, numbered within its kind and block.
     counts = np.diff(matrix.indptr)
     kind = np.searchsorted(first, matrix.indices, side="right") - 1
     before = np.stack([np.zeros(len(keys), dtype=int), starts[1][:-1], 3 * starts[2][:-1]])
     rows = matrix.indices - first[kind] - before[kind, np.repeat(np.sort(of[0]), counts)]
     kind = kind.astype(np.int8)
-    given, columns, values = forces
-    whose = of[0][columns]
-    order = np.argsort(whose, kind="stable")
-    given, values = given[order], values[order]
-    columns = (column[columns] - starts[0][whose])[order]
-    inner = np.searchsorted(whose[order], np.arange(len(keys) + 1))
+    # The entries of the map to forces, sorted by block, their columns numbered within the block.
+    force_rows, columns, values = forces
+    block = of[0][columns]
+    order = np.argsort(block, kind="stable")
+    force_rows, values = force_rows[order], values[order]
+    columns = (column[columns] - starts[0][block])[order]
+    inner = np.searchsorted(block[order], np.arange(len(keys) + 1))
+    # Labels of columns, lines and cones, and names of disjuncts, sorted by block.
     labels = [
         _labels(each, disjunct - starts[3][unit], place)
         for each, place in zip(kinds, places[:3], strict=True)
     ]
-    called = [names[k] for k in np.argsort(disjunct).tolist()]
+    sorted_names = [names[k] for k in np.argsort(disjunct).tolist()]
+    # Each block's slices of columns, lines, cones, disjuncts, entries and force entries.
     slices = [
         [slice(*ends) for ends in pairwise(each.tolist())]
         for each in (*starts, matrix.indptr[starts[0]], inner)
     ]
     return [
         ColumnBlock(
-            Members(key, called[d], labels[0][a], labels[1][b], labels[2][c]),
-            counts[a], matrix.data[e], rows[e], kind[e], (given[f], columns[f], values[f]),
+            Members(key, sorted_names[d], labels[0][a], labels[1][b], labels[2][c]),
+            counts[a], matrix.data[e], rows[e], kind[e], (force_rows[f], columns[f], values[f]),
         )
         for key, a, b, c, d, e, f in zip(keys, *slices, strict=True)
     ]  # fmt: skip
 
 
 _CONTACT = 8
-"""Bytes of a disjunct's name that are its contact."""
+"""The first bytes of a disjunct's name, which are its contact."""
 
 _KIND = 1 << 24
-"""More disjuncts than a problem has: labels are a kind times this plus the number of a disjunct."""
+"""A number larger than that of the disjuncts of any problem. A label is a kind times this number,
+plus the number of a disjunct."""
 
 
 def _labels(kinds: list[IntArray], disjunct: IntArray, place: IntArray) -> IntArray:
+    """Returns the labels of columns, lines or cones in their new places: ``kinds`` holds the
+    disjuncts of each kind, ``disjunct`` the number of each disjunct within its block."""
     result = np.empty(len(place), dtype=int)
     result[place] = np.concatenate([_KIND * k + disjunct[each] for k, each in enumerate(kinds)])
     return result
 
 
 class Columns:
-    """A program of pieces, with ``equations`` rows that they share."""
+    """The columns of a program, of several blocks that share the rows of ``equations``.
 
-    def __init__(self, pieces: Sequence[ColumnBlock], equations: int) -> None:
-        self.pieces, self.equations = pieces, equations
-        self.members = tuple(piece.members for piece in pieces)
+    ``columns``, ``lines`` and ``cones`` are their numbers in all.
+    """
+
+    def __init__(self, blocks: Sequence[ColumnBlock], equations: int) -> None:
+        self.blocks, self.equations = blocks, equations
+        self.members = tuple(block.members for block in blocks)
         self.starts = [_starts(self.members, k) for k in range(2, 5)]
         self.columns, self.lines, self.cones = (start[-1] for start in self.starts)
 
     def matrix(self) -> sp.csc_array:
-        p, pieces = self.equations, self.pieces
+        """Returns the program's matrix (equations + lines + 3 cones, columns)."""
+        # Where the rows of each kind of each block begin.
+        p, blocks = self.equations, self.blocks
         _, lines, cones = (np.array(start[:-1]) for start in self.starts)
         offset = np.stack([np.zeros_like(lines), p + lines, p + self.lines + 3 * cones])
-        every = [(piece.data, piece.rows, piece.kind, piece.counts) for piece in pieces]
+        # All blocks' columns side by side, their rows shifted there.
+        every = [(block.data, block.rows, block.kind, block.counts) for block in blocks]
         data, rows, kind, counts = map(np.concatenate, zip(*every, strict=True))
-        number = np.repeat(np.arange(len(pieces)), [len(part[0]) for part in every])
+        number = np.repeat(np.arange(len(blocks)), [len(part[0]) for part in every])
         indices = (rows + offset[kind, number]).astype(np.int32)
         indptr = np.zeros(self.columns + 1, dtype=np.int32)
         np.cumsum(counts, out=indptr[1:])
@@ -144,14 +199,18 @@ class Columns:
         return sp.csc_array((data, indices, indptr), shape)
 
     def forces(self) -> Entry:
-        """The entries that give contact forces (6 n,)."""
-        rows, columns, values = zip(*(piece.forces for piece in self.pieces), strict=True)
+        """Returns the map from the program's columns to contact forces (6 n,)."""
+        rows, columns, values = zip(*(block.forces for block in self.blocks), strict=True)
         offset = np.repeat(self.starts[0][:-1], [len(part) for part in rows])
         return np.concatenate(rows), np.concatenate(columns) + offset, np.concatenate(values)
 
     def start(self, other: Halfway) -> Point:
-        """The point of another problem for this one, where it has what this one has. What is new
-        begins at zero, as far from the cones' edges as the others on the mean."""
+        """Returns a point from which a solver of this problem may start, made of another problem's.
+
+        Unknowns, duals z and slacks s that the other problem has too are taken from there. New
+        unknowns begin at zero, new duals and slacks in the middle of their cone, as large as the
+        others are on average.
+        """
         point, alike = other.point, _Alike(self.members, other.members)
         columns, lines, cones = (alike.places(kind) for kind in range(2, 5))
         first = sum(len(each.lines) for each in other.members)
@@ -165,6 +224,7 @@ class Columns:
 
 
 def stacked(entries: list[Entry], shape: tuple[int, int]) -> sp.csc_array:
+    """Returns the sum of all entries as a sparse matrix of a shape."""
     rows, columns, values = (np.concatenate(part) for part in zip(*entries, strict=True))
     result = sp.csc_array((values, (rows, columns)), shape)
     result.eliminate_zeros()
@@ -185,33 +245,49 @@ def _starts(members: Sequence[Members], field: int) -> list[int]:
 
 
 class _Alike:
-    """Which of ``others`` stands for what in ``own``: equal pieces for all of each other; of what
-    is left the same disjunct, or the first one left of the same contact."""
+    """Which members of other blocks correspond to the members of one's own.
+
+    A block with the same key corresponds as a whole. Of the blocks that are left, a disjunct
+    corresponds to the one with the same name, otherwise to the first one left at the same contact.
+
+    Attributes
+    ----------
+    twin : (blocks,) array of int
+        The other block with the same key, -1 for none.
+    new, spare : list of Members
+        Own and other blocks without a twin; ``left`` are the numbers of the latter.
+    match : array of int
+        The disjunct of ``spare`` for each disjunct of ``new``.
+    """
 
     def __init__(self, own: Sequence[Members], others: Sequence[Members]) -> None:
         self.own, self.others = own, others
-        known = {each.key: k for k, each in enumerate(others)}
-        self.twin = np.array([known.get(each.key, -1) for each in own])
+        number = {each.key: k for k, each in enumerate(others)}
+        self.twin = np.array([number.get(each.key, -1) for each in own])
         self.new = [each for each, twin in zip(own, self.twin.tolist(), strict=True) if twin < 0]
         self.left = np.setdiff1d(np.arange(len(others)), self.twin)
         self.spare = [others[k] for k in self.left.tolist()]
         self.match = _matched(self.new, self.spare)
 
     def places(self, field: int) -> IntArray:
-        """Returns where each one's members are among the others', -1 for nowhere."""
+        """Returns which of the others' members corresponds to each own one, -1 for none. ``field``
+        is that of :class:`Members`: 2 for columns, 3 for lines, 4 for cones."""
+        # Members of blocks with a twin stand in the same order there.
         own, others = (np.array(_starts(every, field)) for every in (self.own, self.others))
         counts = np.diff(own)
         place = np.arange(own[-1]) + np.repeat(others[self.twin] - own[:-1], counts)
-        found = _placed(self.new, self.spare, field, self.match)
+        # Others are placed among the members of the spare blocks, then among those of all blocks.
+        in_spare = _placed(self.new, self.spare, field, self.match)
         ends = zip(others[self.left].tolist(), others[self.left + 1].tolist(), strict=True)
         at = np.concatenate([*(np.arange(*each) for each in ends), [-1]])
-        place[np.repeat(self.twin < 0, counts)] = at[found]
+        place[np.repeat(self.twin < 0, counts)] = at[in_spare]
         return place
 
 
 def _matched(own: Sequence[Members], others: Sequence[Members]) -> IntArray:
-    """Which of the others' disjuncts stands for each disjunct; for none the one after the last."""
-    left: dict[bytes, dict[bytes, int]] = {}  # by contact, and by name
+    """Returns which of the others' disjuncts corresponds to each disjunct; where none does, their
+    number."""
+    left: dict[bytes, dict[bytes, int]] = {}  # Numbers of disjuncts by contact and name.
     for number, name in enumerate(name for each in others for name in each.names):
         left.setdefault(name[:_CONTACT], {})[name] = number
     none = _starts(others, 1)[-1]
@@ -219,18 +295,21 @@ def _matched(own: Sequence[Members], others: Sequence[Members]) -> IntArray:
 
 
 def _taken(names: list[bytes], left: dict[bytes, dict[bytes, int]], none: int) -> list[int]:
-    own = [left.get(name[:_CONTACT], {}) for name in names]
-    found = [here.pop(name, none) for name, here in zip(names, own, strict=True)]
+    """Takes a disjunct for each name out of those ``left``, and returns their numbers: first the
+    one with the same name, then any at the same contact, else ``none``."""
+    at_contact = [left.get(name[:_CONTACT], {}) for name in names]
+    same = [here.pop(name, none) for name, here in zip(names, at_contact, strict=True)]
     return [
         here.pop(next(iter(here))) if number == none and here else number
-        for number, here in zip(found, own, strict=True)
+        for number, here in zip(same, at_contact, strict=True)
     ]
 
 
 def _placed(
     own: Sequence[Members], others: Sequence[Members], field: int, match: IntArray
 ) -> IntArray:
-    """Returns where the members of all kinds are among the others', -1 for nowhere."""
+    """Returns which of the others' members has the same kind and the disjunct that corresponds by
+    ``match``, for each own member; -1 for none."""
     kind, disjunct = _split(own, field)
     other_kind, other_disjunct = _split(others, field)
     kinds = int(max(kind.max(initial=0), other_kind.max(initial=0))) + 1
@@ -240,7 +319,8 @@ def _placed(
 
 
 def _split(members: Sequence[Members], field: int) -> tuple[IntArray, IntArray]:
-    """Kinds, and numbers of disjuncts in a whole problem."""
+    """Returns the kinds of a field's members, and the numbers of their disjuncts among those of all
+    blocks."""
     labels = np.concatenate([np.zeros(0, dtype=int), *(each[field] for each in members)])
     counts, first = [len(each[field]) for each in members], np.array(_starts(members, 1)[:-1])
     return labels // _KIND, labels % _KIND + np.repeat(first.astype(int), counts)

@@ -9,6 +9,24 @@ exceed:
     max alpha   subject to   A X + f_dead + alpha f_live = 0,   X = sum over k of X_k,
                              X_k in the cone of disjunct k (:func:`state_disjuncts`).
 
+The letters in the code (n contacts, of which the problem has m; force components are in the order
+V1, V2, N, M1, M2, MT of :data:`~cvxlimit.geometry.contacts.COMPONENTS`):
+
+============  =======================================  ==============  ============================
+letter        what it is                               shape           in the code
+============  =======================================  ==============  ============================
+alpha         load factor                              number          load_factor
+A             equilibrium, one row per motion          (rows, 6 m)     HullProblem.matrix
+f_dead/live   loads, in the rows of A                  (rows,)         HullProblem.dead, .live
+X             contact forces                           (6 m,)          StatedDisjuncts.forces
+e             pressure centre along t1 and t2,         (k, 2)          half_sides * centre
+              e1 = -M2 / N and e2 = M1 / N
+s             spread: how far the centre may be off    (k, 2)          half_sides * spread
+c             torsion arm left by Eq. 26, a length     (k,)            arm
+d             lever of torsion, a length               (k, 2)          lever
+mu            friction coefficient                     (k,)            friction
+============  =======================================  ==============  ============================
+
 The problem is stated to a sink, as all problems are. Branch and bound solves thousands of them,
 which differ in the disjuncts of a contact or two: there is nothing for Parameters to patch, and so
 the rows of a statement are cut into blocks of columns
@@ -48,8 +66,8 @@ from cvxlimit.surfaces.coulomb import Rocking
 
 @dataclass(frozen=True, eq=False)
 class HullState(LimitState):
-    """The answer of a relaxation. ``halfway`` is a point on the solver's way to it, from which a
-    similar problem may start; None where the solver gave none."""
+    """The answer of a relaxation. ``halfway`` is a point on the solver's way to the answer, from
+    which a similar problem may start; None where the solver returned none."""
 
     halfway: Halfway | None = None
 
@@ -108,11 +126,11 @@ class HullProblem:
         Our own solver begins at ``start``, and stops where it has proved that the load factor is
         below ``enough``.
         """
-        # The next solver of a ladder is asked for the same problem, which is put together once.
-        asked = relief_price, *([disjuncts] if isinstance(disjuncts, Disjuncts) else disjuncts)
-        if self._last is None or self._last[0] != asked:
+        # The next solver of a ladder gets the same problem, which is put together only once.
+        content = relief_price, *([disjuncts] if isinstance(disjuncts, Disjuncts) else disjuncts)
+        if self._last is None or self._last[0] != content:
             columns = self.columns(disjuncts, relief_price)
-            self._last = asked, columns, self.program(columns, relief_price)
+            self._last = content, columns, self.program(columns, relief_price)
         _, columns, program = self._last
         program = replace(program, enough=-enough / self.scaling.load_factor(1.0))
         cache: dict[str, Any] = {"starts": [] if start is None else [columns.start(start)]}
@@ -161,8 +179,8 @@ class HullProblem:
             _, unit = np.unique(unit, return_inverse=True)
         # All of them are stated at once, for calls of NumPy cost more than what they compute.
         into = Rows()
-        given = state_disjuncts(self, disjuncts, into)
-        into.zero(self.matrix @ given.forces)
+        stated = state_disjuncts(self, disjuncts, into)
+        into.zero(self.matrix @ stated.forces)
         # The key of a unit: its first disjunct's contact, and the names of all.
         if keys is None:
             order = np.argsort(unit, kind="stable")
@@ -170,8 +188,8 @@ class HullProblem:
             units = [each.tolist() for each in np.split(order, starts[1:])]
             names, contact = disjuncts.names, disjuncts.contact
             keys = [(int(contact[k[0]]), b"".join([names[i] for i in k])) for k in units if k]
-        owners = given.of_unknowns, given.of_limits, given.of_cones
-        entries = given.forces.row, given.forces.column, given.forces.value
+        owners = stated.of_unknowns, stated.of_limits, stated.of_cones
+        entries = stated.forces.row, stated.forces.column, stated.forces.value
         return cut(keys, unit, disjuncts.names, owners, into, entries)
 
     def columns(
@@ -212,9 +230,17 @@ class HullProblem:
 
 @dataclass(frozen=True, eq=False)
 class LoadBlock:
-    """The part of a problem that no disjunct has: the columns of the load factor and of the relief
-    as the first ``block``, their ``cost``, and the ``right``-hand sides of equilibrium and of the
-    relief's limits."""
+    """The part of a problem that belongs to no disjunct.
+
+    Attributes
+    ----------
+    block : ColumnBlock
+        The columns of the load factor and of the relief, the first of a program.
+    cost : (1,) or (2,) array
+        The cost of these columns.
+    right : (rows,) array
+        Right-hand sides of equilibrium and of the relief's limits.
+    """
 
     block: ColumnBlock
     cost: FloatArray
@@ -286,14 +312,17 @@ def state_disjuncts(
     contributions = list[tuple[str, IntArray, Any, FloatArray | float]]()
 
     def new(k: IntArray) -> Any:
+        """Returns a new unknown for each of the disjuncts k."""
         of_unknowns.append(k)
         return into.new(len(k))
 
     def nonneg(k: IntArray, form: Any) -> None:
+        """States that a form (one entry for each of the disjuncts k) is not negative."""
         of_limits.append(k)
         into.nonneg(form)
 
     def within(k: IntArray, form: Any, most: Any) -> None:
+        """States that the size of a form is at most ``most``."""
         nonneg(k, most - form)
         nonneg(k, most + form)
 
