@@ -1,10 +1,11 @@
 """Whether a mechanism, and the forces that go with it, are the only ones.
 
-Another mechanism of the same load factor has rates that the forces at hand allow: nothing opens
-where a corner is pressed, and slip goes along the normals of conditions that are met. Other forces
-press no corner that opens, and stay on conditions that slip needs, on straight parts of these. Both
-are linear: a mechanism is the only one if these equations have no second solution, and so are the
-forces if no change in equilibrium is left.
+Any other mechanism of the same load factor complies with the same forces: nothing opens at a corner
+that is pressed, and slip is a combination of the normals of conditions that are met. Any other
+forces comply with the same mechanism: they press no corner that opens, and stay on the conditions
+that slip, within flat parts of these. Both requirements are linear equations. The mechanism is the
+only one if they have one solution up to a factor, and the forces are if no change of forces in
+equilibrium complies.
 """
 
 from __future__ import annotations
@@ -20,34 +21,38 @@ from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.surfaces.cones import Cone
 
 _ASIDE = 1e-4
-"""By which share of its size a vector is turned to see whether a condition is straight there."""
+"""Share of its size by which a vector is moved sideways to see whether a condition is flat
+there."""
 
 _BENT = 1e-2
-"""Change of a normal by which it has passed an edge: along a curve it is :data:`_ASIDE`."""
+"""Change of a unit normal that means an edge: along a curved surface it is about :data:`_ASIDE`."""
 
 _DENSE = 1500
-"""Rows up to which all singular values are computed; a second of work."""
+"""Number of rows up to which all eigenvalues are computed, in a second at most."""
 
 
 def others(
     equilibrium: sp.csr_array, strength: StrengthRows, internal: FloatArray, rates: FloatArray,
     multipliers: FloatArray,
 ) -> tuple[bool, FloatArray]:  # fmt: skip
-    """Whether there are other mechanisms of the same load factor, and a change (p,) of internal
-    forces, at random, by which they would be others that go with it: its largest is a force of 1,
-    or it is rounding where there are none.
+    """Returns whether there are other mechanisms of the same load factor, and a change (p,) of
+    internal forces that complies with the mechanism and equilibrium.
 
-    ``equilibrium`` (6 free blocks, 6 n) takes contact forces, ``internal`` (p,) are forces of the
-    model of ``strength``, ``rates`` (n, 6) those of contacts, ``multipliers`` its conditions'.
+    The change is random, with entries of about 1, or rounding where the forces are unique.
+    ``equilibrium`` (6 free blocks, 6 n) multiplies contact forces, ``internal`` (p,) are forces of
+    the model of ``strength``, ``rates`` (n, 6) are relative rates in the order V1 V2 N M1 M2 MT,
+    and ``multipliers`` are those of the conditions.
     """
+    # Moments are divided by a length, so that all rows and columns have units of force.
     model = strength.model
     length = model.contacts.typical_size
     unit = np.where(model.is_moment, length, 1.0)
     rows = np.tile(np.repeat([1.0, 1.0 / length], 3), equilibrium.shape[0] // DOF)
-    gives = (model.resultant_map @ sp.diags_array(unit)).tocsr()
-    matrix = (sp.diags_array(rows) @ equilibrium @ gives).tocsr()
-    across = _across(strength, internal / unit, gives.T @ rates.ravel(), multipliers, unit)
-    # rates, but for those along normals, vanish in the mechanism, and in no other if it is alone
+    resultants = (model.resultant_map @ sp.diags_array(unit)).tocsr()
+    matrix = (sp.diags_array(rows) @ equilibrium @ resultants).tocsr()
+    across = _across(strength, internal / unit, resultants.T @ rates.ravel(), multipliers, unit)
+    # A mechanism complies where all rates but those along normals vanish: if it is alone, one
+    # eigenvalue of this matrix is zero and the second is not.
     resisted = matrix @ across[0]
     square = resisted @ resisted.T
     if square.shape[0] <= _DENSE:
@@ -56,7 +61,8 @@ def others(
         largest = float(sp.linalg.norm(square, 1))
         low = np.append(sp.linalg.eigsh(square, 2, sigma=-(TOLERANCE**3) * largest)[0], largest)
     many = len(rows) > 1 and bool(low[1] <= TOLERANCE**2 * low[2])
-    # any change of forces, as far as it stays on the faces and in equilibrium
+    # A random change is projected onto what complies with the mechanism, then onto equilibrium;
+    # three rounds of refinement, since the regularised solve is not exact.
     within = matrix @ across[1]
     trial = across[1] @ np.random.default_rng(0).standard_normal(len(unit))
     square = within @ within.T
@@ -71,14 +77,19 @@ def _across(
     strength: StrengthRows, internal: FloatArray, rates: FloatArray, multipliers: FloatArray,
     unit: FloatArray,
 ) -> tuple[sp.csr_array, sp.csr_array]:  # fmt: skip
-    """Projections of internal forces, moments as forces, across the normals along which rates may
-    differ, and across the directions in which forces may not."""
+    """Returns two projections (p, p) of internal forces, moments divided by a length.
+
+    The first is perpendicular to the normals along which another mechanism's rates may differ, the
+    second to the directions in which other forces may not differ.
+    """
+    # Internal forces of each contact, and the place of each among those of its contact.
     model, size, speed = strength.model, np.abs(internal).max(), np.abs(rates).max()
     order = np.argsort(model.contact, kind="stable")
     members = np.split(order, np.cumsum(np.bincount(model.contact))[:-1])
     place = np.concatenate([np.arange(len(own)) for own in members])[np.argsort(order)]
 
     def row(matrix: sp.csr_array, i: int, j: int) -> FloatArray:
+        """Returns row i of a matrix, restricted to the internal forces of contact j."""
         some = slice(matrix.indptr[i], matrix.indptr[i + 1])
         at, result = matrix.indices[some], np.zeros(len(members[j]))
         result[place[at]] = matrix.data[some] * unit[at]
@@ -86,12 +97,15 @@ def _across(
 
     normals: list[list[FloatArray]] = [[] for _ in members]
     held: list[list[FloatArray]] = [[] for _ in members]
+    # Nonnegative forces: one that vanishes may open in another mechanism, one that opens vanishes.
     opening = rates - (strength.resistance.transposed @ multipliers) * unit
     idle, opens = internal <= TOLERANCE * size, opening > TOLERANCE * speed
     for vectors, which in ((normals, idle), (held, opens)):
         for i in np.flatnonzero(model.nonneg & which).tolist():
             j = model.contact[i]
             vectors[j].append(np.eye(len(members[j]))[place[i]])
+    # Conditions: the normals of those that are met, and of those that slip the normal itself and
+    # the directions in which the surface is curved.
     values = strength.norms.matrix @ (internal * unit) + strength.norms.constant
     for (cone, where, groups), (excess, contact) in zip(
         strength.conditions, strength.excess(internal * unit), strict=True
@@ -99,21 +113,21 @@ def _across(
         moves = multipliers[where] > TOLERANCE * speed
         for k in np.flatnonzero(moves | (excess >= -TOLERANCE * size)).tolist():
             j = contact[k]
-            found: list[FloatArray] = [-row(strength.resistance.matrix, where.start + k, j)]
+            gradients: list[FloatArray] = [-row(strength.resistance.matrix, where.start + k, j)]
             for group in groups:
                 rows = [part.start + k for part in group]
                 own = np.array([row(strength.norms.matrix, i, j) for i in rows])
                 ways, bends = _gradients(cone, values[rows], TOLERANCE * size)
-                found = [part + way @ own for part in found for way in ways]
+                gradients = [part + way @ own for part in gradients for way in ways]
                 held[j] += [way @ own for way in bends if moves[k]]
-            normals[j] += found
+            normals[j] += gradients
             if moves[k]:
-                held[j].append(np.mean(found, axis=0))
+                held[j].append(np.mean(gradients, axis=0))
     return _projection(members, normals), _projection(members, held)
 
 
 def _projection(members: list[IntArray], across: list[list[FloatArray]]) -> sp.csr_array:
-    """On what is across some vectors of every contact."""
+    """Returns the projection (p, p) onto what is perpendicular to some vectors of each contact."""
     blocks, index = [], []
     for own, vectors in zip(members, across, strict=True):
         block = np.eye(len(own))
@@ -131,8 +145,11 @@ def _projection(members: list[IntArray], across: list[list[FloatArray]]) -> sp.c
 def _gradients(
     cone: Cone, at: FloatArray, least: float
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Gradients of a cone's gauge at a vector (m,), on both sides of an edge, and the directions in
-    which it is not straight; a vector of the least size is none, where all directions are edges."""
+    """Returns the gradients of a cone's gauge at the vector ``at`` (m,), those on both sides where
+    it lies on an edge, and the directions in which the gauge is not flat.
+
+    A vector no longer than ``least`` is the tip, where every direction is an edge.
+    """
     size, eye = float(np.linalg.norm(at)), np.eye(len(at))
     if size <= least:
         return [*eye, *-eye], list(eye)

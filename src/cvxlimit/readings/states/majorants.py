@@ -13,6 +13,23 @@ place of C, which lies above it, and every product x y / N of a moment and a for
 
 with d = q / N at the point; k balances both squares. That leaves one second-order cone per contact,
 and two for both signs of the torque: docs/evidence/interaction-bounds.md, "Safe steps".
+
+====== ======================== ================================================================
+letter name                     meaning (each of n contacts)
+====== ======================== ================================================================
+e_i    ``Point.centre``         pressure centre (e1, e2) = (-M2, M1) / N along t1, t2 (length)
+V / N  ``Point.shear``          shear over compression at the point, (n, 2)
+X_i    ``Forces.X``             N e_i, signed (force times length)
+N      ``Forces.N``             compression, positive
+l_i    ``contacts.sides``       sides of the contact's rectangle (length)
+mu     ``contacts.friction``    Coulomb coefficient
+ca, cb ``StepRows._slope``      slopes (n, 2) of the plane below C
+k      ``Product.k``            balance of the squares in a product
+p, q   ``Row.squares``          sum and difference of the balanced factors; only p enters a row
+d      ``StepRows.slopes``      lever of the reading, as slopes d_i / e_i
+====== ======================== ================================================================
+
+Contact forces (n, 6) are in the order V1 V2 N M1 M2 MT of ``contacts.COMPONENTS``.
 """
 
 from __future__ import annotations
@@ -34,19 +51,20 @@ from cvxlimit.readings.states.rectangles import Rectangles
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Where a step is built: ``centre`` (n, 2) is e1, e2 in the contacts' unit of length, ``shear``
-    (n, 2) is V / N."""
+    """The point at which rows are exact: ``centre`` (n, 2) is e1, e2 in the contacts' unit of
+    length, ``shear`` (n, 2) is V / N."""
 
     centre: FloatArray
     shear: FloatArray
 
     @classmethod
     def middle(cls, contacts: Contacts) -> Point:
+        """Returns the point of forces that press in the middle without shear."""
         return cls(np.zeros((len(contacts), 2)), np.zeros((len(contacts), 2)))
 
     @classmethod
     def of(cls, forces: FloatArray, contacts: Contacts, otherwise: Point, least: float) -> Point:
-        """Makes points from forces (n, 6); contacts with N below ``least`` keep their place in
+        """Returns the point of ``forces`` (n, 6); contacts with N below ``least`` have that of
         ``otherwise``."""
         normal = forces[:, [COLUMN["N"]]]
         pressed = normal >= least
@@ -57,23 +75,28 @@ class Point:
         ).inside(contacts)
 
     def inside(self, contacts: Contacts) -> Point:
+        """Returns the nearest point within the contacts' sides and within friction."""
         half, mu = contacts.sides / 2.0, contacts.friction[:, None]
         return Point(np.clip(self.centre, -half, half), np.clip(self.shear, -mu, mu))
 
     def moved(self, share: float, before: Point) -> Point:
+        """Returns the point moved on by ``share`` of the way that led here from ``before``."""
         return Point(
             self.centre + share * (self.centre - before.centre),
             self.shear + share * (self.shear - before.shear),
         )
 
     def shrunk(self, share: float) -> Point:
+        """Returns the point moved by ``share`` of the way to the middle without shear."""
         return Point((1.0 - share) * self.centre, (1.0 - share) * self.shear)
 
 
 class Linear(dict[str, "float | FloatArray"]):
-    """A linear form of components, as surfaces take it, with sums and multiples by numbers (n,).
-    What comes of single numbers alone is a number, and a zero of these no entry: neither depends on
-    where a step is built."""
+    """A linear form: coefficients by component's name, as surfaces take it, each a number or (n,).
+
+    Forms are added, and multiplied by numbers or arrays (n,). Single numbers stay numbers, and a
+    multiple by zero has no entries: neither depends on the point at which rows are built.
+    """
 
     __array_ufunc__ = None  # NumPy's arrays leave arithmetic to forms
 
@@ -99,14 +122,14 @@ class Linear(dict[str, "float | FloatArray"]):
 
 
 Values = TypeVar("Values", Linear, FloatArray)
-"""Linear forms, or what they come to at some forces: nothing here is more than their sums and
-multiples."""
+"""Linear forms, or arrays (n,) of their values at some forces: rows need only sums and multiples,
+so that the same code states rows and evaluates them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Forces(Generic[Values]):
-    """What a step is written in: contact forces, with ``X`` = N e1 and N e2, and bounds ``m`` >=
-    abs(X), ``u`` >= norm(V), ``s`` >= abs(V), ``t`` >= abs(MT)."""
+    """The variables of rows: contact forces ``N``, ``V`` (V1 and V2) and ``MT``; ``X`` = N e1 and
+    N e2; and bounds ``m`` >= abs(X), ``u`` >= norm(V), ``s`` >= abs(V), ``t`` >= abs(MT)."""
 
     N: Values
     V: Sequence[Values]
@@ -129,8 +152,8 @@ class Product(Generic[Values]):
     y0: FloatArray
 
     def majorant(self, normal: Values) -> tuple[Values, FloatArray, Values]:
-        """p, p over N at the point, and a linear part: x y / N <= linear + p^2 / (4 N), exact where
-        x, y / N = x0, y0."""
+        """Returns p, its value p0 over N at the point, and a linear part, so that
+        x y / N <= linear + p^2 / (4 N), with equality where x / N = x0 and y / N = y0."""
         x, y = self.x / self.k, self.k * self.y
         x0, y0 = self.x0 / self.k, self.k * self.y0
         d = x0 - y0
@@ -139,8 +162,8 @@ class Product(Generic[Values]):
 
 @dataclass(frozen=True, eq=False)
 class Row(Generic[Values]):
-    """linear + sum of squares / (4 N) <= 0 at every contact; ``at`` are the squares' roots over N
-    at the row's own point."""
+    """The condition ``linear`` + sum of ``squares``^2 / (4 N) <= 0 at every contact; ``at`` are the
+    values of ``squares`` over N at the point where the row is exact."""
 
     linear: Values
     squares: Sequence[Values] = ()
@@ -148,14 +171,16 @@ class Row(Generic[Values]):
 
     @classmethod
     def of(cls, linear: Values, products: Sequence[Product[Values]], normal: Values) -> Row[Values]:
+        """Returns the row in which every product is replaced by its majorant."""
         parts = [product.majorant(normal) for product in products]
         roots, at = [p for p, _, _ in parts], [p0 for _, p0, _ in parts]
         return cls(sum((rest for _, _, rest in parts), start=linear), roots, at)
 
     def lengthened(self, normal: Values, share: float) -> Row[Values]:
-        """Only ``share`` of the curvature: p^2 / (4 N) is its tangent plus that much of the rest.
-        Exact at the row's own point like the row itself, but no longer inside the true condition: a
-        step with such rows goes farther, and its forces prove nothing."""
+        """Returns the row with only ``share`` of its curvature: p^2 / (4 N) is replaced by its
+        tangent at the point plus that share of the rest. Exact at the row's own point like the row
+        itself, but no longer inside the true condition: a step with such rows goes farther, and its
+        forces prove nothing."""
         linear, squares = self.linear, []
         for p, p0 in zip(self.squares, self.at, strict=True):
             linear = linear + p0 / 2.0 * p - p0**2 / 4.0 * normal
@@ -163,13 +188,14 @@ class Row(Generic[Values]):
         return Row(linear, squares, self.at)
 
     def cone(self, normal: Values, slack: Values, arm: FloatArray) -> list[Values]:
-        """norm(squares)^2 <= 4 N w with w = slack - linear, as a second-order cone, bound first. In
-        units of an ``arm`` (n,) w is as large as N, without which its last rows are nearly one."""
+        """Returns the entries of the second-order cone norm(squares)^2 <= 4 N w, its bound first,
+        with w = slack - linear. Divided by ``arm`` (n,) w is as large as N; otherwise the first and
+        the last entry would hardly differ."""
         w = (slack - self.linear) / arm
-        found = [normal + w]
-        found += [p / np.sqrt(arm) for p in self.squares]
-        found.append(normal - w)
-        return found
+        entries = [normal + w]
+        entries += [p / np.sqrt(arm) for p in self.squares]
+        entries.append(normal - w)
+        return entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,14 +230,14 @@ class StepRows(Generic[Values]):
             assert f.t is not None
             return [Row.of(f.t + base, self._products(1.0), f.N)]
         limits = [Row(sign * f.MT - resistance) for sign in (1.0, -1.0)]
-        found = limits if self.is_limited else []
+        result = limits if self.is_limited else []
         for turn in (1.0, -1.0):
-            found.append(Row.of(turn * f.MT + base, self._products(turn), f.N))
-        return found + [self._side(i) for i in (0, 1) if not self._is_split(i)]
+            result.append(Row.of(turn * f.MT + base, self._products(turn), f.N))
+        return result + [self._side(i) for i in (0, 1) if not self._is_split(i)]
 
     def _side(self, i: int) -> Row[Values]:
-        """Where pressure stays on its side of an axis; where it may cross that, N >= 0 in place of
-        a row without entries, inside which nothing is."""
+        """Returns the row that keeps pressure on its side of axis ``i``; where it may cross that,
+        the row is N >= 0, since nothing would be strictly inside a row without entries."""
         x, sign = self._reach(i)
         return Row(-(x + (self._sides[:, i] * (sign == 0.0)) * self.f.N))
 
@@ -221,14 +247,15 @@ class StepRows(Generic[Values]):
 
     @cached_property
     def _slope(self) -> FloatArray:
-        """The plane below the arm: its derivatives ca, cb (n, 2) by the effective sides."""
+        """The plane below C, the arm of N times the effective area: its derivatives ca, cb (n, 2)
+        by the effective sides."""
         sides = np.maximum(self._sides - 2.0 * np.abs(self.point.centre), 0.0)
         slope = np.stack(torsion_arm_gradient(*sides.T), axis=1)
         return np.asarray(slope * self.rectangles.arm_share[:, None])
 
     @cached_property
     def _k(self) -> FloatArray:
-        """k (n, 2) of products with X1 and with X2."""
+        """Balances k (n, 2) of the products with X1 and with X2."""
         friction = np.maximum(self.rectangles.contacts.friction, SUPPORT.friction)[:, None]
         return np.asarray(np.sqrt(self.balance * self._sides / 2.0 / friction))
 
@@ -240,17 +267,19 @@ class StepRows(Generic[Values]):
         return first * effective[0] + second * effective[1]
 
     def _is_split(self, i: int) -> bool:
+        """Returns whether X_i is split into its positive and its negative part."""
         return self.slopes is not None and self.slopes[i, 0] == self.slopes[i, 1]
 
     def _products(self, turn: float) -> list[Product[Values]]:
-        """All products of the torque with the sign ``turn``, and of the plane with shear."""
-        found = []
+        """Returns the products in torque with the sign ``turn``, and those of the plane and
+        shear."""
+        result = []
         for part in (1.0, -1.0):  # in this order: solvers' last digits depend on it
-            found += [self._halved(i, turn, part) for i in (0, 1) if self._is_split(i)]
-        return found + [self._whole(i, turn) for i in (0, 1) if not self._is_split(i)]
+            result += [self._halved(i, turn, part) for i in (0, 1) if self._is_split(i)]
+        return result + [self._whole(i, turn) for i in (0, 1) if not self._is_split(i)]
 
     def _halved(self, i: int, turn: float, part: float) -> Product[Values]:
-        """The product with X_i+ or X_i-, by the sign ``part``, where axis i is split."""
+        """Returns the product with X_i+ or X_i-, by the sign ``part``, where axis i is split."""
         f, j, slope = self.f, 1 - i, 2.0 * self._slope[:, i]
         assert self.slopes is not None
         along = part * turn * _SIGN[i] * float(self.slopes[i, 0])
@@ -265,24 +294,24 @@ class StepRows(Generic[Values]):
         )
 
     def _whole(self, i: int, turn: float) -> Product[Values]:
-        """The product with X_i where its sign is kept, or with m_i where it is free."""
+        """Returns the product with X_i where its sign is kept, or with m_i where it is free."""
         f, j, slope = self.f, 1 - i, 2.0 * self._slope[:, i]
-        shear, there = self.point.shear[:, j], -slope * self._size
+        shear, y0 = self.point.shear[:, j], -slope * self._size
         y = -slope * f.u
         x, sign = self._reach(i)
         free, most = 1.0 * (sign == 0.0), 1.0
         if self.slopes is not None:
             most = float(np.abs(self.slopes[i]).max())
-            kept = turn * _SIGN[i] * sign * np.where(sign > 0.0, *self.slopes[i])
-            y, there = y + kept * f.V[j], there + kept * shear
+            signed = turn * _SIGN[i] * sign * np.where(sign > 0.0, *self.slopes[i])
+            y, y0 = y + signed * f.V[j], y0 + signed * shear
         x = x + free * f.m[i]
         y = y + most * free * f.s[j]
-        there = there + most * free * np.abs(shear)
-        return Product(x, y, self._k[:, i], np.abs(self.point.centre[:, i]), there)
+        y0 = y0 + most * free * np.abs(shear)
+        return Product(x, y, self._k[:, i], np.abs(self.point.centre[:, i]), y0)
 
     def _reach(self, i: int) -> tuple[Values, FloatArray]:
-        """N e_i with the sign of the point's, and that sign: zero where it may change. Such rows
-        let the centre cross the axis, and cut off a little of the torque."""
+        """Returns N e_i times the sign of e_i at the point, and that sign: zero where it may
+        change. Such rows let the centre cross the axis, and cut off a little of the torque."""
         centre = self.point.centre[:, i]
         sign = np.where(np.abs(centre) <= SUPPORT.central * self._sides[:, i], 0, np.sign(centre))
         if self.slopes is None:
@@ -291,8 +320,9 @@ class StepRows(Generic[Values]):
 
     @property
     def _size(self) -> FloatArray:
+        """The size of the shear over N at the point, (n,)."""
         return np.asarray(np.linalg.norm(self.point.shear, axis=1))
 
 
 _SIGN = (-1.0, 1.0)
-"""Of N d_1 V2 and N d_2 V1 in the torque."""
+"""The signs of N d_1 V2 and N d_2 V1 in the torque MT - d1 V2 + d2 V1."""
