@@ -397,19 +397,28 @@ def check(shown: Configuration, is_last: bool) -> None:
     "seeds", [range(1), pytest.param(range(1, 200), marks=pytest.mark.exhaustive)]
 )
 def test_random_towers_in_space_keep_the_laws(seeds: range) -> None:
-    """Every configuration, to the digits that it says it has. Of two hundred towers one is known
-    whose mechanisms compete until the iterates do not settle, which its path says."""
-    settled = 0
+    """Every configuration, to the digits that it says it has."""
     for seed in seeds:
         path = quick(tower(seed), step=0.02, until=0.02)
-        assert path.status in ("zero", "not-converged"), (seed, path.reason)
+        assert path.status == "zero", (seed, path.reason)
         assert not path.slides
         for shown in path:
             check(shown, is_last=shown is path[-1])
         assert path.work is not None
         assert abs(path.work.difference) < 1e-3
-        settled += path.status == "zero"
-    assert settled >= len(seeds) - 1
+
+
+def test_a_tower_that_turns_as_one_snaps_into_turning_in_two() -> None:
+    """Where its lowest block turns back, iterates have a fifth of the contact size to go, by way of
+    other mechanisms."""
+    path = quick(tower(369), step=0.013, until=0.02)
+    assert path.status == "zero"
+    assert len(path.snaps) == 1
+    for shown in path:
+        check(shown, is_last=shown is path[-1])
+    before, after = (np.linalg.norm(path[i].displacements["b0"][3:]) for i in (-2, -1))
+    assert before > 0.1
+    assert after < 1e-8
 
 
 # Proof

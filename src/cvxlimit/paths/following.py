@@ -146,7 +146,7 @@ class Walk:
         return _Failed(w, "blocked" if is_blocked else "falls", moved)
 
     def _associated(self, start: _At, w: float) -> _At | _Failed:
-        begin, pose, before, share, last = self._start(start), start.pose, np.inf, 1.0, None
+        begin, pose, before, step, last = self._start(start), start.pose, np.inf, 1.0, None
         moved = np.zeros(len(self.scene.free))
         for iterate in range(1, _MANY + 1):
             points, number = begin.numbered(pose)
@@ -163,8 +163,10 @@ class Walk:
                 if apart.gap.min(initial=0.0) < -CLOSED * self.size:
                     return _Failed(w, "not-converged", moved)
                 return found
-            # Where mechanisms compete, whole iterates go to and fro between them.
-            share = min(1.0, 2.0 * share) if size < 0.5 * before else max(0.5 * share, 0.125)
+            # Where mechanisms compete, whole iterates go to and fro between them: the next one is
+            # twice as long where at least half of what this one should have brought came of it.
+            is_falling = size < (1.0 - 0.5 * step) * before
+            share = min(1.0, 2.0 * step) if is_falling else max(0.5 * step, 0.125)
             before = size
             if iterate >= _FEW and size > _FAR:
                 break
