@@ -32,7 +32,8 @@ _BOX_CORNERS = np.array(
 
 @dataclass(frozen=True)
 class Repair:
-    """What was mended in a mesh before it became a block: what kind, how often, in words."""
+    """A repair of a mesh before it became a block: its ``kind`` (see :func:`~.solids.solid`), the
+    ``count`` of places, and a ``detail`` in words."""
 
     kind: str
     count: int
@@ -84,7 +85,8 @@ class Block(ReadOnlyArrays):
 
     @classmethod
     def box(cls, id: str, low: ArrayLike, high: ArrayLike, density: float | None = None) -> Block:
-        """An axis-aligned box between two opposite corners, ``low`` < ``high`` in x, y and z.
+        """Returns an axis-aligned box between corners ``low`` and ``high`` (3,), ``low`` <
+        ``high``.
 
         Raises
         ------
@@ -130,7 +132,7 @@ class Block(ReadOnlyArrays):
         density: float | None = None,
         joint_tolerance: float | None = None,
     ) -> Block:
-        """A polyhedron from its vertices and faces.
+        """Returns a polyhedron with given vertices and faces.
 
         ``vertices`` has shape (k, 3); each face lists at least three vertex indices in order
         around it. The direction of travel is free: the surface is closed, so the outside is known.
@@ -161,7 +163,7 @@ class Block(ReadOnlyArrays):
         density: float | None,
         repairs: tuple[Repair, ...] = (),
     ) -> Block:
-        """A block from a checked body; ``vertices`` (k, 3) become read-only."""
+        """Returns the block of a checked body; ``vertices`` (k, 3) become read-only."""
         return cls(
             id=_checked_id(id),
             vertices=_frozen(vertices),
@@ -181,7 +183,8 @@ class Block(ReadOnlyArrays):
         density: float | None = None,
         inner: Literal["refuse", "drop"] = "refuse",
     ) -> Block:
-        """The convex hull of ``points`` (k, 3); coplanar triangles are merged into one face.
+        """Returns the convex hull of ``points`` (k, 3); coplanar triangles are merged into one
+        face.
 
         Points that are no corner of the hull may be the bottom of a notch, which a hull would
         fill: they are refused unless ``inner="drop"`` says that the hull is what is meant. Points
@@ -196,6 +199,7 @@ class Block(ReadOnlyArrays):
                 points=cloud,
                 blocks=(id,),
             ) from error
+        # Triangles of the same plane are one face, whose corners are numbered among the hull's.
         index = {int(v): i for i, v in enumerate(hull.vertices)}
         planes: dict[tuple[float, ...], set[int]] = {}
         for simplex, equation in zip(hull.simplices, hull.equations, strict=True):
@@ -206,13 +210,13 @@ class Block(ReadOnlyArrays):
             planes.setdefault(key, set()).update(index[int(v)] for v in simplex)
         if inner == "refuse":
             _check_no_notch(id, cloud, hull, np.array(list(planes)))
-        kept = cloud[hull.vertices]
-        faces = [_ordered_around(kept, members, np.array(k[:3])) for k, members in planes.items()]
-        return cls.polyhedron(id, kept, faces, density)
+        corners = cloud[hull.vertices]
+        faces = [_ordered_around(corners, own, np.array(k[:3])) for k, own in planes.items()]
+        return cls.polyhedron(id, corners, faces, density)
 
     @property
     def weight(self) -> float:
-        """Density times volume, in the scene's force unit; 0 for a block without density."""
+        """Density times volume, in the scene's unit of force; 0 for a block without density."""
         return (self.density or 0.0) * self.volume
 
     @cached_property
@@ -222,21 +226,23 @@ class Block(ReadOnlyArrays):
 
     @property
     def thickness(self) -> float:
-        """Mean thickness 2 volume / surface: that of a thin plate, a third of a cube's side."""
+        """Mean thickness 2 volume / surface (length): the thickness of a thin plate, a third of a
+        cube's side."""
         return 2.0 * self.volume / self.surface
 
     @property
     def joint_tolerance(self) -> float:
-        """Default joint tolerance of this block: one hundredth of its mean thickness."""
+        """Default joint tolerance of this block (length): one hundredth of its mean thickness."""
         return polyhedra.default_tolerance(self.volume, self.surface)
 
     def facets(self, tolerance: float) -> Facets:
-        """Faces grouped into planar facets within ``tolerance`` (length), kept once found."""
-        found: dict[float, Facets] = self.__dict__.setdefault("_facets", {})
-        if tolerance not in found:
+        """Returns the faces grouped into planar facets within ``tolerance`` (length); the answer is
+        cached for each tolerance."""
+        cache: dict[float, Facets] = self.__dict__.setdefault("_facets", {})
+        if tolerance not in cache:
             polyhedra.check_flat(self.id, self.vertices, self.faces, tolerance)
-            found[tolerance] = facets(self.vertices, self.faces, tolerance)
-        return found[tolerance]
+            cache[tolerance] = facets(self.vertices, self.faces, tolerance)
+        return cache[tolerance]
 
     @property
     def size(self) -> float:
@@ -244,7 +250,13 @@ class Block(ReadOnlyArrays):
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     def moved(self, rotation: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> Block:
-        """The same block after x -> rotation @ x + translation; ``rotation`` is (3, 3)."""
+        """Returns the block moved by x -> rotation @ x + translation; ``rotation`` is (3, 3).
+
+        Raises
+        ------
+        InputError
+            If ``rotation`` is not orthogonal, or mirrors.
+        """
         turn = np.asarray(rotation, dtype=float)
         if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-9):
             raise InputError("rotation must be an orthogonal 3 x 3 matrix")
@@ -259,7 +271,7 @@ class Block(ReadOnlyArrays):
         )
 
     def scaled(self, length: float, density: float = 1.0) -> Block:
-        """The same block with lengths and density multiplied: a change of units.
+        """Returns the block with lengths and density multiplied by factors: a change of units.
 
         From m and kN to mm and N: ``block.scaled(1e3, 1e-6)``.
         """
@@ -276,26 +288,32 @@ class Block(ReadOnlyArrays):
 
 
 def _checked_id(id: str) -> str:
+    """Returns the id, or raises InputError if it is no text."""
     if not isinstance(id, str) or not id:
         raise InputError(f"a block id must be a non-empty text, got {id!r}")
     return id
 
 
 def _checked_density(id: str, density: float | None) -> float | None:
+    """Returns the density, None if there is none; raises InputError if it is negative."""
     return None if density is None else not_negative(density, f"density of block {id!r}")
 
 
 def _frozen(array: FloatArray) -> FloatArray:
+    """Returns the array itself, read-only from now on."""
     array.flags.writeable = False
     return array
 
 
 def _check_no_notch(id: str, cloud: FloatArray, hull: ConvexHull, planes: FloatArray) -> None:
-    """Refuse points that are neither corners of the hull nor on an edge, where two planes meet."""
+    """Raise GeometryError for points that are neither corners of the hull nor on an edge of it.
+
+    ``planes`` (m, 4) are normals and offsets of the hull's faces; a point on an edge lies on two.
+    """
     tolerance = RELATIVE_TOLERANCE * float(np.linalg.norm(np.ptp(cloud, axis=0)))
-    on = (cloud @ planes[:, :3].T + planes[:, 3] >= -tolerance).sum(axis=1)
-    on[hull.vertices] = 2
-    inner = np.flatnonzero(on < 2)
+    planes_at = (cloud @ planes[:, :3].T + planes[:, 3] >= -tolerance).sum(axis=1)
+    planes_at[hull.vertices] = 2
+    inner = np.flatnonzero(planes_at < 2)
     if len(inner):
         raise GeometryError(
             f"{len(inner)} of {len(cloud)} points of block {id!r} are no corners of its hull, the "
@@ -307,6 +325,7 @@ def _check_no_notch(id: str, cloud: FloatArray, hull: ConvexHull, planes: FloatA
 
 
 def _ordered_around(points: FloatArray, members: set[int], normal: FloatArray) -> list[int]:
+    """Returns the ``members`` among points (k, 3) counter-clockwise about ``normal`` (3,)."""
     indices = np.array(sorted(members))
     spokes = points[indices] - points[indices].mean(axis=0)
     first = spokes[0] / np.linalg.norm(spokes[0])

@@ -1,4 +1,8 @@
-"""Faces that are taken as planes that they are not in: how many, and by which angle."""
+"""Faces that do not lie in the plane of their contact: how many there are, and by which angle.
+
+A contact has one plane. Faces of curved or slightly inclined surfaces that are lumped into one
+contact are taken as parts of that plane; the angle between both tells how much this may matter.
+"""
 
 from __future__ import annotations
 
@@ -12,20 +16,21 @@ from cvxlimit.geometry.contacts import Contacts
 
 @dataclass(frozen=True)
 class Lumped:
-    """What contacts leave out of the blocks' faces; angles in radians.
+    """How far contacts simplify the blocks' faces; angles are in radians.
 
     Attributes
     ----------
     faces, contacts : int
-        So many faces, counted at each of so many contacts, do not lie in their contact's plane.
+        Number of faces that do not lie in their contact's plane, counted at every contact, and
+        number of these contacts.
     angle : float
-        The largest between a face and its contact's plane.
+        Largest angle between a face and its contact's plane.
     friction_angle : float
-        The smallest of these contacts.
+        Smallest friction angle of these contacts.
     contact : str
-        Where the angle is the largest share of the friction angle.
+        Contact at which the angle is the largest share of the friction angle.
     contact_angle, contact_friction_angle : float
-        Both angles there.
+        Both angles at that contact.
 
     Example
     -------
@@ -52,30 +57,30 @@ the load factor, which is certified for the scene as detected
 
     @property
     def is_worth_a_word(self) -> bool:
-        """True where the load factor could be another with the faces as they are."""
+        """True if the load factor could differ noticeably with the faces as they are."""
         return self.share >= SMALL
 
     def __str__(self) -> str:
-        """One sentence."""
-        taken = "1 face at 1 joint is taken as a plane that it is not in"
+        """Returns the finding as a sentence."""
+        subject = "1 face at 1 joint is taken as a plane that it is not in"
         if self.faces > 1:
             joints = f"{self.contacts} joint{'s' * (self.contacts > 1)}"
-            taken = f"{self.faces} faces at {joints} are taken as planes that they are not in"
+            subject = f"{self.faces} faces at {joints} are taken as planes that they are not in"
         angle, friction = (np.degrees(x) for x in (self.angle, self.friction_angle))
-        said = (
-            f"{taken}, turned by up to {angle:.3g} degrees, where the friction angle is "
+        text = (
+            f"{subject}, turned by up to {angle:.3g} degrees, where the friction angle is "
             f"{friction:.3g} degrees or more (at most {100.0 * self.share:.2g} % of it, at "
             f"{self.contact})"
         )
         if not self.is_worth_a_word:
-            return said
+            return text
         return (
-            f"{said}: this could move the load factor, which is certified for the scene as detected"
+            f"{text}: this could move the load factor, which is certified for the scene as detected"
         )
 
 
 def lumped_at(contacts: Contacts) -> Lumped | None:
-    """What the contacts leave out; None where all faces lie in their contacts' planes."""
+    """Returns how far ``contacts`` simplify faces; None if all lie in their contacts' planes."""
     rows = np.flatnonzero(contacts.lumped)
     if not len(rows):
         return None

@@ -1,4 +1,5 @@
-"""Blocks from meshes as programs write them: mended where that is safe, and every mend counted."""
+"""Blocks from meshes as programs write them: repaired where that is safe, with every repair
+listed."""
 
 from __future__ import annotations
 
@@ -26,23 +27,24 @@ def solid(
     density: float | None = None,
     tolerance: float | None = None,
 ) -> Block:
-    """A block from a raw mesh: triangles, polygons or both, in any order and direction.
+    """Returns a block from a raw mesh of triangles, polygons or both, in any order and direction.
 
-    Mended, and counted in :attr:`Block.repairs`, by ``kind``:
+    ``vertices`` is (k, 3); each face lists vertex indices. What is repaired is listed in
+    :attr:`Block.repairs`, by ``kind``:
 
     ========== ==================================================================================
-    welded     vertices in the same place made one (an STL file repeats them for every triangle)
-    unused     vertices without a face dropped
-    degenerate faces without area dropped
-    doubled    faces listed more than once dropped but one; both, where they are a wall inside
-    joined     vertices in the middle of another face's edge made part of that face
-    turned     faces turned so that all normals point out
-    split      faces warped by more than the joint tolerance cut into triangles
+    welded     vertices in the same place are joined (an STL file repeats them for every triangle)
+    unused     vertices without a face are dropped
+    degenerate faces without area are dropped
+    doubled    of faces listed more than once one stays, or none where they are a wall inside
+    joined     vertices in the middle of another face's edge become corners of that face
+    turned     faces are reversed so that all normals point outwards
+    split      faces warped by more than the joint tolerance are cut into triangles
     ========== ==================================================================================
 
     ``tolerance`` is the joint tolerance (length; None: one hundredth of the mean thickness): how
-    far a face may be warped and an open seam may gape. Vertices closer than 1e-6 of the block's
-    size are one in any case; others are only welded along open seams, so that small features stay.
+    far a face may be warped, and how wide an open seam may be. Vertices closer than 1e-6 of the
+    block's size are always joined; others only along open seams, so that small features stay.
 
     Raises
     ------
@@ -53,8 +55,10 @@ def solid(
     allowed = None if tolerance is None else positive(tolerance, f"tolerance of block {id!r}")
     loops = polyhedra.checked_faces(id, faces, len(points))
     exact = polyhedra.convex_body(points, loops)
-    if exact is not None and exact.faces == loops:  # nothing to mend: a fifth of the time
+    if exact is not None and exact.faces == loops:  # nothing to repair, in a fifth of the time
         return Block.of_body(id, points, exact, density)
+    # Every step relies on those before: seams are looked for among faces that are there once, and
+    # orientation among faces that close.
     raw = _Mesh(id, points, loops)
     raw.weld(mesh.RELATIVE_TOLERANCE * raw.size)
     raw.drop_degenerate()
@@ -71,7 +75,8 @@ def solid(
 
 
 class _Mesh:
-    """A mesh under repair."""
+    """A mesh under repair: ``points`` (k, 3), ``faces`` as tuples of indices, its ``size``
+    (length), and the ``repairs`` so far."""
 
     def __init__(self, id: str, points: FloatArray, faces: Faces) -> None:
         self.id = id
@@ -82,16 +87,20 @@ class _Mesh:
 
     @property
     def rough_thickness(self) -> float:
+        """Mean thickness 2 volume / surface (length), for faces of any orientation."""
+        # Tetrahedra from the mean point: exact for convex bodies, whatever the faces' orientation.
         triangles, _ = mesh.fan(self.points, self.faces)
         corners = triangles - self.points.mean(axis=0)
         volume = float(np.abs(np.linalg.det(corners)).sum()) / 6.0
         return 2.0 * volume / mesh.surface(self.points, self.faces)
 
     def default_tolerance(self) -> float:
+        """Returns the joint tolerance (length) of the mesh as it is now."""
         volume, _ = mesh.volume_and_centroid(self.points, self.faces)
         return polyhedra.default_tolerance(volume, mesh.surface(self.points, self.faces))
 
     def weld(self, distance: float, among: IntArray | None = None) -> None:
+        """Join vertices closer than ``distance``, all of them or those ``among`` which to look."""
         chosen = np.arange(len(self.points)) if among is None else among
         pairs = cKDTree(self.points[chosen]).query_pairs(distance, output_type="ndarray")
         if not len(pairs):
@@ -104,6 +113,8 @@ class _Mesh:
         self.faces = tuple(tuple(i for k, i in enumerate(f) if i != f[k - 1]) for f in faces)
 
     def drop_degenerate(self) -> None:
+        """Drop faces of fewer than three corners or without area; refuse those that meet
+        themselves."""
         real = [f for f in self.faces if len(set(f)) > 2]
         repeated = next((f for f in real if len(set(f)) < len(f)), None)
         if repeated is not None:
@@ -128,7 +139,8 @@ class _Mesh:
         self.faces = tuple(real)
 
     def drop_doubled(self) -> None:
-        """Keep one of faces with the same vertices; none where two others share all its edges."""
+        """Keep one of several faces with the same vertices, or none where each of its edges belongs
+        to two other faces: then it is a wall within the body."""
         copies: dict[frozenset[int], list[tuple[int, ...]]] = defaultdict(list)
         for face in self.faces:
             copies[frozenset(face)].append(face)
@@ -138,11 +150,12 @@ class _Mesh:
         inner = np.ones(len(copies), dtype=bool)
         np.logical_and.at(inner, table.face, table.uses[table.key] == 3)
         pairs = zip(copies.values(), inner.tolist(), strict=True)
-        kept = tuple(same[0] for same, is_inner in pairs if len(same) == 1 or not is_inner)
-        self.report("doubled", len(self.faces) - len(kept), "faces listed more than once")
-        self.faces = kept
+        single = tuple(same[0] for same, is_inner in pairs if len(same) == 1 or not is_inner)
+        self.report("doubled", len(self.faces) - len(single), "faces listed more than once")
+        self.faces = single
 
     def close_seams(self, distance: float) -> None:
+        """Close open seams up to ``distance`` wide, those without width first."""
         self._join(mesh.RELATIVE_TOLERANCE * self.size)
         _, sides, ends = self._open_sides()
         if len(sides):
@@ -151,13 +164,15 @@ class _Mesh:
             self._join(distance)
 
     def _open_sides(self) -> tuple[mesh.EdgeTable, IntArray, IntArray]:
-        """All sides, the numbers of those without a neighbour, and the vertices at their ends."""
+        """Returns the table of all sides, the numbers of those on edges of one face, and the
+        vertices at their ends."""
         table = mesh.EdgeTable.of(self.faces)
         sides = np.flatnonzero(table.uses[table.key] == 1)
         return table, sides, np.union1d(table.start[sides], table.end[sides])
 
     def _join(self, distance: float) -> None:
-        """Put vertices of open edges that lie within another open edge into its face."""
+        """Make vertices of open edges within ``distance`` of another open edge corners of its
+        face."""
         table, sides, ends = self._open_sides()
         if not len(sides):
             return
@@ -168,6 +183,7 @@ class _Mesh:
             i, k, number = int(table.start[side]), int(table.end[side]), int(table.face[side])
             a, along = self.points[i], self.points[k] - self.points[i]
             length = float(np.linalg.norm(along))
+            # Vertices near the edge's line and not near its ends, in their order along it.
             near = ends[tree.query_ball_point(a + 0.5 * along, 0.5 * length + distance)]
             offset = self.points[near] - a
             share = offset @ along / length**2
@@ -183,15 +199,17 @@ class _Mesh:
         self.report("joined", joined, "vertices in the middle of another face's edge")
 
     def drop_unused(self) -> None:
+        """Drop vertices without a face, and number the others anew."""
         used = np.unique([i for f in self.faces for i in f])
         self.report("unused", len(self.points) - len(used), "vertices without a face")
         self.points = self.points[used]
         self.faces = tuple(tuple(np.searchsorted(used, f).tolist()) for f in self.faces)
 
     def split_warped(self, tolerance: float | None) -> None:
-        """Cut faces into triangles that are warped by more than the tolerance.
+        """Cut faces that are warped by more than ``tolerance`` (length) into triangles.
 
-        Cutting adds surface and so lowers the default tolerance a little: again until all fit.
+        None means the default tolerance. Cutting adds surface and so lowers it a little, hence the
+        repetition until all faces fit.
         """
         split, most = 0, 0.0
         while True:
@@ -209,5 +227,6 @@ class _Mesh:
         self.report("split", split, f"faces warped by up to {most:.3g}, cut into triangles")
 
     def report(self, kind: str, count: int, detail: str) -> None:
+        """Add a repair to the list if its ``count`` is not 0."""
         if count:
             self.repairs.append(Repair(kind, count, detail))

@@ -1,7 +1,7 @@
-"""Friction and strengths of contacts: what they are, and how scenes give them to contacts.
+"""Friction and strengths of contacts: which there are, and how a scene assigns them to contacts.
 
-:class:`JointValues` is the one list of properties. Scenes, contacts, copies in other units, scene
-files, sweeps, pickles and keys of stored results go by its fields.
+:class:`JointValues` is the only list of these properties. Scenes, contacts, copies in other units,
+scene files, sweeps, pickles and keys of stored results take them from its fields.
 """
 
 # ruff: noqa: RUF009  # _property is field() of dataclasses
@@ -27,27 +27,29 @@ ByPair = Mapping[Pair, float]
 
 
 def _property(default: float, check: Callable[[Any, str], float], *, per_area: bool = False) -> Any:
+    """Returns a dataclass field with its default, its check, and whether it is a force per area."""
     return field(default=default, metadata={"check": check, "per_area": per_area})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JointValues(Generic[V]):
-    """Friction and strengths: a number each of a scene, an array (n,) each of its n contacts.
+    """Friction and strengths: each a number for a scene, and an array (n,) for n contacts.
 
     A property is added by a line here and one for its exceptions in :class:`SceneJoints`. Surfaces
-    ask the contacts for it; methods that state friction themselves (interaction, exact, fixed
-    point, Gilbert) ask for ``friction`` alone and have to learn of it, or refuse it.
+    read it from the contacts; methods that state friction themselves (interaction, exact, fixed
+    point, Gilbert) read ``friction`` alone, and have to take the new property into account or
+    refuse it.
 
     Attributes
     ----------
     friction
-        Coulomb coefficient.
+        Coulomb coefficient (dimensionless).
     cohesion
-        Force per area that is resisted in shear besides friction.
+        Shear resistance besides friction (force per area).
     compressive_strength
-        Largest pressure (force per area) that stones bear.
+        Largest pressure that the stones bear (force per area).
     tensile_strength
-        Largest tension (force per area) that mortar bears.
+        Largest tension that the mortar bears (force per area).
     """
 
     friction: V = _property(DEFAULT_FRICTION, not_negative)
@@ -57,15 +59,16 @@ class JointValues(Generic[V]):
 
 
 PROPERTIES = {each.name: each for each in fields(JointValues)}
-"""The fields by name, with their default and, as metadata, how they are checked and whether they
-are forces per area."""
+"""The fields by name: each has its default and, as metadata, its ``check`` and whether it is a
+force ``per_area``."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SceneJoints(JointValues[float]):
-    """Joints of a scene: what all of them have, and exceptions between two blocks.
+    """Joints of a scene: one value of each property for all contacts, and exceptions by pair.
 
-    Exceptions are kept by ids in alphabetical order, read-only; None counts as no exception.
+    ``contact_...`` maps pairs of block ids, in alphabetical order, to values; it is read-only, and
+    None means that there is no exception.
     """
 
     contact_friction: ByPair = field(default_factory=dict)
@@ -75,10 +78,12 @@ class SceneJoints(JointValues[float]):
 
     @property
     def joint_values(self) -> dict[str, Any]:
+        """All properties and their exceptions, by field name."""
         names = [name for what in PROPERTIES for name in (what, f"contact_{what}")]
         return {name: getattr(self, name) for name in names}
 
     def _check_joints(self, blocks: Collection[str]) -> None:
+        """Check all values, and put exceptions in order; ``blocks`` are the ids that exist."""
         for what, each in PROPERTIES.items():
             value = each.metadata["check"](getattr(self, what), f"{what} of the scene")
             own = own_values(what, getattr(self, f"contact_{what}"), blocks)
@@ -86,7 +91,13 @@ class SceneJoints(JointValues[float]):
             object.__setattr__(self, f"contact_{what}", own)
 
     def _given_to(self, contacts: Any) -> Any:
-        """Returns contacts with these properties. Every exception has to be of one of them."""
+        """Returns ``contacts`` with these properties.
+
+        Raises
+        ------
+        InputError
+            If an exception names two blocks without a contact.
+        """
         values: dict[str, Any] = {}
         for what in PROPERTIES:
             values[what] = default = getattr(self, what)
@@ -101,6 +112,7 @@ class SceneJoints(JointValues[float]):
         return contacts.with_values(**values)
 
     def _scaled_joints(self, pressure: float) -> dict[str, Any]:
+        """Returns all values, those per area multiplied by ``pressure``: a change of units."""
         result = self.joint_values
         for what, each in PROPERTIES.items():
             if each.metadata["per_area"]:
@@ -111,7 +123,8 @@ class SceneJoints(JointValues[float]):
 
 
 def own_values(what: str, given: Any, blocks: Collection[str]) -> ByPair:
-    """Values by pair of block ids in alphabetical order, checked; None is no pair."""
+    """Returns checked values of property ``what`` by pair of block ids in alphabetical order;
+    ``given`` is what the user wrote, None for no pair, and ``blocks`` are the ids that exist."""
     kind = f"contact_{what} must be a mapping of two ids to a number"
     cure = "write {('b1', 'b2'): 0.5}"
     checked: dict[Pair, float] = {}

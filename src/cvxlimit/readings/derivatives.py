@@ -1,13 +1,24 @@
 """Derivatives of a load factor, from the forces and the mechanism that prove it, without a solve.
 
-By the envelope theorem forces x and mechanism u of an optimum may be held while the problem
-changes: with live power 1 and multipliers lam >= 0 of the conditions y(x) <= 0,
+By the envelope theorem the forces x and the mechanism u of an optimum may be held constant while a
+parameter p of the problem changes: with u scaled to live power 1,
 
     dalpha/dp = -u . d(A x + dead + alpha live)/dp - lam . dy(x)/dp.
 
-Contact by contact that is the slope of one number, -(A'u) . x - lam . y(x), in the contact's own
-properties. It is taken by central differences of this number, for all contacts at once: any surface
-that states conditions has one, and an error of rounding over the step, 1e-11 of its terms.
+The part of a contact is the derivative of one number, -(A'u) . x - lam . y(x), by the contact's own
+properties. Central differences of this number are taken for all contacts at once; their rounding is
+1e-11 of its terms, and they need nothing of a surface but its conditions.
+
+====== ===================== ====================================================================
+letter name                  meaning
+====== ===================== ====================================================================
+alpha  ``factor``            load factor
+x      ``Proof.internal``    internal forces (p,): corner compressions, shears and torsion
+x      ``Proof.forces``      the same as contact forces (n, 6), V1 V2 N M1 M2 MT, N > 0 pressed
+u      ``Proof.rates``       rates (blocks, 6): velocity of the centroid and angular velocity
+lam    ``Proof.multipliers`` multipliers >= 0 of the conditions y(x) <= 0
+A                            equilibrium matrix: A x + dead + alpha live = 0
+====== ===================== ====================================================================
 """
 
 from __future__ import annotations
@@ -39,30 +50,44 @@ from cvxlimit.solution.kinematics import relative_rates, velocity_of
 from cvxlimit.surfaces import YieldSurface
 
 _STEP = 1e-5
-"""Of a value, or of a contact's size, that is varied: the error of central differences is its
-square, 1e-10, and that of rounding as much."""
+"""Step of central differences, as a share of the value or of the contact's size: their error is its
+square, 1e-10, and rounding gives as much."""
 
 _NEARLY = 1e-4
-"""Of the largest opening of a contact, one that counts as hardly any; its square, rounding of
-forces, is what corners that open are left with."""
+"""Share of a contact's largest opening that counts as closed. Corners that open keep a compression
+of about its square, which is rounding."""
 
 _TRIAL = 1e-3
-"""Of the largest force, by which others are tried: what has a slope with them that differs by less
-than a hundredth of that, the width of a bracket of the largest, is put down to rounding."""
+"""Change of forces, as a share of the largest, with which slopes are compared. A difference of
+slopes below a hundredth of it is put down to rounding: that is the largest width of a bracket."""
 
 _INSIDE = 1e-3
-"""Less of it for contacts of several pieces, whose corners may lie on the hull's edges: nearer to
-them than contacts are checked, and still an error of rounding of 1e-8."""
+"""Factor on the step for contacts of several pieces, whose corners may lie on the hull's edges: the
+step is then below the tolerance with which contacts are checked, and rounding still 1e-8."""
 
 JOINTS = ("friction", "cohesion", "compressive_strength", "tensile_strength")
-"""What contacts are made of, as scenes name it."""
+"""The properties of contacts by which derivatives are taken, as scenes name them."""
 
 
 @dataclass(frozen=True, eq=False)
 class ByLoad:
-    """One number of the loads: of which ``case`` ("dead" or "live"), of what (``kind``, as
-    :class:`~cvxlimit.Load` names it) and on which ``block`` ("" for all), which ``component``, its
-    ``value``, and the ``derivative`` of the load factor by it."""
+    """The derivative of the load factor by one number of the loads.
+
+    Attributes
+    ----------
+    case : str
+        ``"dead"`` or ``"live"``.
+    kind : str
+        The argument of :class:`~cvxlimit.Load` that the number belongs to.
+    block : str
+        Id of the loaded block; empty for loads on all blocks.
+    component : str
+        Which number of that argument it is, ``"fx"`` for example.
+    value : float
+        The number itself, in the scene's units.
+    derivative : float
+        Change of the load factor per unit of it.
+    """
 
     case: str
     kind: str
@@ -73,11 +98,13 @@ class ByLoad:
 
 
 class Proof:
-    """Forces and mechanism of a solution, and what they give at contacts that have changed."""
+    """Forces and mechanism of a solution, and the number of the module's text at changed
+    contacts."""
 
     def __init__(self, solution: Solution, surfaces: Sequence[YieldSurface]) -> None:
         self.scene, self.surfaces = solution.scene, surfaces
         scene, contacts = self.scene, self.scene.contacts
+        # Rates of all blocks, zero for fixed ones, scaled to live power 1.
         rates = np.zeros((len(scene.blocks), 6))
         place = {block.id: i for i, block in enumerate(scene.blocks)}
         for name, own in (solution.mechanism or {}).items():
@@ -90,6 +117,7 @@ class Proof:
         flow = FlowRule(surfaces, model)
         self.multipliers = flow.shortfall(relative).multipliers
         forces[:, COLUMN["N"]] += pull
+        # Internal forces that give the solution's contact forces.
         if not model.conditions:
             self.internal = np.concatenate(
                 [_corner_forces(pressed, forces, relative), *forces.T[[0, 1, 5]]]
@@ -106,19 +134,23 @@ class Proof:
 
     @cached_property
     def shapes(self) -> Shapes:
+        """The outlines of all contacts."""
         return Shapes.of(self.scene.contacts)
 
     @cached_property
     def followed(self) -> list[Follows]:
+        """How the outlines follow the vertices of blocks."""
         table, _ = patches(self.scene.blocks, self.scene.joint_tolerance)
         return list(followed(self.shapes, self.scene.blocks, table))
 
     def at(self, contacts: Contacts) -> FloatArray:
-        """-(A'u) . x - lam . y(x) of every contact (n,), as ``contacts`` have it."""
+        """Returns -(A'u) . x - lam . y(x) of every contact (n,), with the properties and the
+        geometry of ``contacts`` in place of the scene's."""
         pressed, pull = without_tension(contacts)
         model = model_of(corner_compressions, pressed)
         forces = model.forces(self.internal)
         forces[:, COLUMN["N"]] -= pull
+        # The first term: contact forces times relative rates at the contacts' origins.
         one, other = (
             velocity_of(self.scene, self.rates, contacts.origin, b)
             for b in (contacts.a, contacts.b)
@@ -129,6 +161,7 @@ class Proof:
             axis=1,
         )
         result = -(forces * moving).sum(axis=1)
+        # The second: multipliers times the excess of each condition.
         begin = 0
         for excess, at in StrengthRows(self.surfaces, model).excess(self.internal):
             np.subtract.at(result, at, self.multipliers[begin : begin + len(excess)] * excess)
@@ -136,8 +169,8 @@ class Proof:
         return result
 
     def elsewhere(self) -> tuple[bool, Proof]:
-        """Whether there are other mechanisms; and the same with a little of other forces that go
-        with this one, or none where there are no others."""
+        """Returns whether there are other mechanisms, and a proof with slightly different forces
+        that comply with this mechanism, the same ones if they are unique."""
         contacts = without_tension(self.scene.contacts)[0]
         strength = StrengthRows(self.surfaces, model_of(corner_compressions, contacts))
         rates = relative_rates(self.scene, self.rates)
@@ -149,32 +182,38 @@ class Proof:
 
 
 def _corner_forces(contacts: Contacts, forces: FloatArray, relative: FloatArray) -> FloatArray:
-    """Compressions (m,) at corners that give N, M1 and M2, of corners that do not open as far as
-    these can: reweighted least norms, which end in the vertex of that linear program."""
+    """Returns compressions (m,) at the m corners of contacts that amount to N, M1 and M2.
+
+    They press corners that do not open in the mechanism, as far as these suffice: a sequence of
+    reweighted least-norm problems, which converges to a vertex of the corresponding linear program.
+    """
+    # The opening of each corner, as a share of the contact's largest.
     j, (x, y) = contacts.corner_contact, contacts.corner_xy.T
     opening = corner_openings(relative, contacts)
     opening = opening - contacts.corner_minimum(opening)[j]
     largest = -contacts.corner_minimum(-opening)[j]
     away = np.where(largest > 0.0, opening / np.where(largest > 0.0, largest, 1.0), 0.0)
     size = np.sqrt(contacts.area)[j]
-    give = np.stack([np.ones(len(x)), y / size, -x / size], axis=1)
+    # Three equations for each contact, moments divided by its size.
+    columns = np.stack([np.ones(len(x)), y / size, -x / size], axis=1)
     wanted = forces[:, 2:5] / np.sqrt(contacts.area)[:, None] ** [0, 1, 1]
-    weight, found = 1.0 / (away + _NEARLY), np.zeros(len(x))
-    for last in (0, 0, 0, 0, 2):  # the last is refined: weights differ by as much as is asked
+    weight, compression = 1.0 / (away + _NEARLY), np.zeros(len(x))
+    for last in (0, 0, 0, 0, 2):  # the last is refined, as its weights differ by many orders
         square = np.zeros((len(contacts), 3, 3))
-        np.add.at(square, j, weight[:, None, None] * give[:, :, None] * give[:, None, :])
-        inverse, found = np.linalg.pinv(square, hermitian=True), np.zeros(len(x))
+        np.add.at(square, j, weight[:, None, None] * columns[:, :, None] * columns[:, None, :])
+        inverse, compression = np.linalg.pinv(square, hermitian=True), np.zeros(len(x))
         for _ in range(1 + last):
             left = wanted.copy()
-            np.subtract.at(left, j, found[:, None] * give)
+            np.subtract.at(left, j, compression[:, None] * columns)
             by = np.einsum("nik,nk->ni", inverse, left)
-            found = found + weight * np.einsum("mi,mi->m", give, by[j])
-        weight = np.maximum(found, 0.0) / (away + _NEARLY) + _NEARLY * weight.mean()
-    return found
+            compression = compression + weight * np.einsum("mi,mi->m", columns, by[j])
+        weight = np.maximum(compression, 0.0) / (away + _NEARLY) + _NEARLY * weight.mean()
+    return compression
 
 
 def _by_joint(proof: Proof, name: str) -> FloatArray:
-    """Slopes (n,) by a property of every contact; forwards from 0, below which there is none."""
+    """Returns the derivatives (n,) by property ``name`` of every contact: central differences, and
+    forward ones from 0, below which there are no values."""
     contacts = proof.scene.contacts
     value = getattr(contacts, name)
     unit = np.abs(proof.forces[:, :3]).max() / contacts.area
@@ -187,17 +226,22 @@ def _by_joint(proof: Proof, name: str) -> FloatArray:
 
     if not step.any():
         return np.zeros(len(contacts))
-    found = (at(1.0) - at(back)) / np.where(step > 0.0, (1.0 - back) * step, 1.0)
-    return np.asarray(found)
+    result = (at(1.0) - at(back)) / np.where(step > 0.0, (1.0 - back) * step, 1.0)
+    return np.asarray(result)
 
 
 def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], BoolArray]:
-    """Returns the derivatives by the joints' own values, and by all vertices (v, 3) through the
-    joints' geometry; and which vertices (v,) are on edges where two blocks end together."""
+    """Returns derivatives through the contacts, and which vertices lie on edges of two blocks.
+
+    The first is a mapping with the derivatives (n,) by each of :data:`JOINTS`, and by all vertices,
+    (v, 3) under ``"vertices"``; the second is (v,). ``start`` (blocks + 1,) is the number of each
+    block's first vertex.
+    """
     contacts = proof.scene.contacts
     vertices, shared = np.zeros((start[-1], 3)), np.zeros(start[-1], dtype=bool)
     shapes = proof.shapes
-    # by a shift of each point of a contact, the first of all contacts at once, then the second...
+    # By a shift of each outline point within the contact's plane: the first point of all contacts
+    # at once, then the second and so on.
     by_point, counts = np.zeros_like(shapes.points), np.diff(shapes.start)
     step = _STEP * np.sqrt(contacts.area)
     step[list(shapes.pieces)] *= _INSIDE
@@ -209,7 +253,7 @@ def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], Boo
             shift[rows, axis] = step[has]
             ends = [proof.at(shapes.moved(way * shift)) for way in (1.0, -1.0)]
             by_point[rows, axis] = ((ends[0] - ends[1]) / (2.0 * step))[has]
-    # by a shift and a turn of the whole contact, forces and moments keeping their components
+    # By a shift and a rotation of the whole contact, whose forces keep their components.
     force, moment = (
         np.einsum("nik,ni->nk", contacts.axes, part)
         for part in (proof.forces[:, :3], proof.forces[:, 3:])
@@ -220,6 +264,7 @@ def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], Boo
     turning = proof.rates[contacts.b, 3:] - proof.rates[contacts.a, 3:]
     by_shift = -np.cross(force, turning)
     by_turn = -(np.cross(force, other - one) + np.cross(moment, turning))
+    # Outline points, height and inclination of contacts follow the vertices of the blocks.
     for f in proof.followed:
         axes = contacts.axes[f.contact]
         own = slice(shapes.start[f.contact], shapes.start[f.contact + 1])
@@ -233,8 +278,11 @@ def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], Boo
 
 
 def add_bodies(proof: Proof, factor: float, vertices: FloatArray, start: IntArray) -> None:
-    """What volumes, centroids and faces under pressure give, with moments about the centroids as
-    they were; forces at points and pressures on given polygons stay where they are."""
+    """Add to the derivatives by ``vertices`` (v, 3) what comes from the blocks' bodies.
+
+    Volumes change weights, centroids change lever arms, and faces change pressures on them; point
+    forces and pressures on given polygons stay where they are.
+    """
     scene = proof.scene
     plain = [
         replace(load, growing=()).per_weight(scene.blocks) for load in (scene.dead, scene.live)
@@ -256,8 +304,9 @@ def add_bodies(proof: Proof, factor: float, vertices: FloatArray, start: IntArra
 
 
 def _by_shape(load: Load, block: Block, rates: FloatArray) -> FloatArray:
-    found, step = np.zeros_like(block.vertices), _STEP * block.size
-    for at in np.ndindex(found.shape):
+    """Returns the derivatives (v, 3) of a load's power on one block by the block's vertices."""
+    result, step = np.zeros_like(block.vertices), _STEP * block.size
+    for at in np.ndindex(result.shape):
         ends = []
         for way in (step, -step):
             points = block.vertices.copy()
@@ -267,14 +316,15 @@ def _by_shape(load: Load, block: Block, rates: FloatArray) -> FloatArray:
             force = load.on([moved])[0]
             speed = rates[:3] + np.cross(rates[3:], centroid - block.centroid)
             ends.append(float(force[:3] @ speed + force[3:] @ rates[3:]))
-        found[at] = (ends[0] - ends[1]) / (2.0 * step)
-    return found
+        result[at] = (ends[0] - ends[1]) / (2.0 * step)
+    return result
 
 
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def by_loads(proof: Proof, factor: float) -> list[ByLoad]:
+    """Returns the derivatives by every number that the dead and the live load are given by."""
     scene, found = proof.scene, list[ByLoad]()
     place = {block.id: i for i, block in enumerate(scene.blocks)}
     weights = np.array([block.weight for block in scene.blocks])[scene.free]
@@ -286,6 +336,7 @@ def by_loads(proof: Proof, factor: float) -> list[ByLoad]:
             for name, value, slope in rows:
                 found.append(ByLoad(case, kind, block, name, value, -by * float(slope)))  # noqa: B023
 
+        # Loads on all blocks, then those on single blocks: forces, points, pressures, growing ones.
         for kind in ("gravity", "acceleration"):
             if (given := getattr(load, kind)) is not None:
                 add(kind, "", "x y z", given, weights @ proof.rates[scene.free, :3])

@@ -1,4 +1,5 @@
-"""What a load factor gains per unit of all that it rests on; see :mod:`.derivatives` for how."""
+"""Derivatives of a load factor by everything that it depends on; :mod:`.derivatives` computes
+them."""
 
 from __future__ import annotations
 
@@ -32,44 +33,46 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 NOTHING = 1e-6
-"""Of a load factor, what is not worth a word."""
+"""Share of a load factor below which a change is not mentioned."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """What a load factor gains per unit of everything it rests on; made by
-    :meth:`cvxlimit.Solution.sensitivity`.
+    """Derivatives of a load factor by everything that it depends on, as
+    :meth:`cvxlimit.Solution.sensitivity` returns them.
+
+    All are changes of the load factor per unit of the quantity, in the scene's units.
 
     Attributes
     ----------
     solution : Solution
+        The solution whose load factor is meant.
     friction, cohesion, compressive_strength, tensile_strength : (n,)
-        By those of every contact; 0 by strengths that are infinite.
+        By the property of every contact; 0 for strengths that are infinite.
     weight : (free blocks,)
         By the weight of every free block, which acts at its centroid.
     dead, live : (free blocks, 6)
-        By further forces and moments at the centroids, for load factor 1 of the live ones.
+        By additional forces fx fy fz and moments mx my mz at the centroids; those of the live load
+        are meant at load factor 1.
     vertices : mapping of block id to (v, 3)
-        By the position of every vertex, with what hangs on it: joints, volume, weight at its
-        density, centroid, faces under pressure. Where edges of two blocks coincide the joint ends
-        at whichever is farther in: either vertex alone has the mean of both sides, and vertices
-        that move together the sum.
+        By the position of every vertex, with all that follows from it: joints, volume, weight at
+        constant density, centroid, faces under pressure. Where edges of two blocks coincide the
+        joint ends at the one that lies farther in: either vertex alone has the mean of both
+        one-sided slopes, and vertices that move together have the sum.
     shared : mapping of block id to (v,) booleans
         Vertices on such edges.
     loads : tuple of ByLoad
-        By every number that the loads are given by.
+        By every number with which the loads are stated.
     one_sided : mapping of name to booleans
-        Of ``"friction"``, the other joint values (n,), and ``"vertices"`` (all of them, in order):
-        which slopes differ upwards and downwards, as forces that go with the mechanism are not
-        unique, or mechanisms are not. What stands here then lies between the two, and
-        :meth:`both_sides` has both.
+        For ``"friction"`` and the other joint values (n,), and for ``"vertices"`` (all of them, in
+        order): which slopes differ upwards and downwards, because the forces or the mechanism are
+        not unique. The value here then lies between the two, and :meth:`both_sides` returns both.
     has_other_mechanisms : bool
         True if the forces allow more than one mechanism: then every slope may be one-sided.
 
     Example
     -------
-    A block that tips, of 1 x 1 x 2.5: only its width and height count, and neither friction nor
-    weight:
+    A block of 1 x 1 x 2.5 tips: its width and height matter, friction and weight do not:
 
     >>> from cvxlimit import builtin_scene, solve
     >>> found = solve(builtin_scene("single-block")).sensitivity()
@@ -95,7 +98,7 @@ class Sensitivity:
         return f"Sensitivity({self.solution.scene_name!r}: {self.note})"
 
     def __str__(self) -> str:
-        return "\n".join(f"{name}: {said}" for name, said in self.rows)
+        return "\n".join(f"{name}: {text}" for name, text in self.rows)
 
     def _repr_html_(self) -> str:
         return html_table(
@@ -109,22 +112,23 @@ class Sensitivity:
 
     @property
     def rows(self) -> list[tuple[str, str]]:
-        """The most important, as pairs of name and text: what a per cent of friction and other
-        values changes, everywhere and where most, and a move of a stone."""
-        scene, found = self.solution.scene, list[tuple[str, str]]()
+        """The most important derivatives, as pairs of a name and a text: the change for one per
+        cent of friction and other values, everywhere and where it is largest, and for moves of
+        blocks."""
+        scene, rows = self.solution.scene, list[tuple[str, str]]()
         names = dict.fromkeys(JOINTS, scene.contacts.names)
         names["weight"] = tuple(scene.blocks[i].id for i in scene.free)
         for what, own in names.items():
             by = self.elasticity(what) if self.factor else np.zeros(len(own))
             if np.abs(by).max(initial=0.0) > NOTHING:
                 total = by.sum() if abs(by.sum()) > NOTHING * np.abs(by).sum() else 0.0
-                found.append((what.replace("_", " "), f"load factor {total:+.3g} % for 1 % more "
+                rows.append((what.replace("_", " "), f"load factor {total:+.3g} % for 1 % more "
                               "everywhere; "
                               f"{_most(by, own, '%')}"))  # fmt: skip
         size, ids = np.linalg.norm(self.moves, axis=1), [block.id for block in scene.blocks]
         if size.max() > 0.0:
-            found.append(("moves", f"{_most(size, ids, '')} per {scene.units.length}"))
-        return [*found, ("derivatives", self.note)]
+            rows.append(("moves", f"{_most(size, ids, '')} per {scene.units.length}"))
+        return [*rows, ("derivatives", self.note)]
 
     @property
     def is_proved(self) -> bool:
@@ -133,38 +137,38 @@ class Sensitivity:
 
     @property
     def note(self) -> str:
-        """What the derivatives rest on, in a sentence."""
+        """A sentence that says what the derivatives are based on."""
         if not self.is_proved:
             return (
                 f"the load factor is {self.solution.status}, and so its derivatives are those of "
                 "forces and rates that prove nothing"
             )
         width = rounded_up(self.solution.gap, 2)
-        said = f"from forces and mechanism that enclose the load factor to {width} of it"
+        basis = f"from forces and mechanism that enclose the load factor to {width} of it"
         if self.has_other_mechanisms:
-            return f"{said}; other mechanisms have the same one, so that slopes may be one-sided"
+            return f"{basis}; other mechanisms have the same one, so that slopes may be one-sided"
         count = sum(int(flags.sum()) for flags in self.one_sided.values())
         if count:
             return (
-                f"{said}; {count} slopes differ upwards and downwards, as the forces are not "
+                f"{basis}; {count} slopes differ upwards and downwards, as the forces are not "
                 "unique: what is said of one joint lies between the two (both_sides has both)"
             )
-        return said
+        return basis
 
     def both_sides(self, change: Callable[[float], Scene], step: float) -> tuple[float, float]:
-        """Slopes downwards and upwards by two solves, where one is not enough.
+        """Returns the slopes downwards and upwards, from two more solves, where they differ.
 
         Parameters
         ----------
         change : callable
-            The scene with something changed by a number, ``lambda d: scene.with_friction(0.5 + d)``
-            for example.
+            Returns the scene with something changed by a number, for example
+            ``lambda d: scene.with_friction(0.5 + d)``.
         step : float
-            By how much: the slopes are those of chords.
+            The change on either side: the slopes are those of chords.
 
         Example
         -------
-        Friction decides below 0.4, where the block slides, and above it tips:
+        Below a friction of 0.4 the block slides, and above it the block tips:
 
         >>> from cvxlimit import builtin_scene, solve
         >>> scene = builtin_scene("single-block").with_friction(0.4)
@@ -178,20 +182,23 @@ class Sensitivity:
 
     @cached_property
     def moves(self) -> FloatArray:
-        """The derivative by a move of every block (blocks, 3) in the scene's order, its neighbours
-        where they were: the sums over its vertices. Where these cancel but for rounding, zero."""
+        """Derivatives by a translation of every block (blocks, 3) in the scene's order, with its
+        neighbours where they are: sums over its vertices, zero where these cancel but for
+        rounding."""
         total = np.array([by.sum(axis=0) for by in self.vertices.values()])
         most = max(float(np.abs(by).sum(axis=0).max()) for by in self.vertices.values())
         return np.where(np.abs(total) > NOTHING * most, total, 0.0)
 
     def elasticity(self, of: str) -> FloatArray:
-        """Per cent of the load factor per per cent of ``"friction"``, the other joint values,
-        ``"weight"``, or ``"dead"`` and ``"live"`` forces: shaped as these.
+        """Returns per cent of the load factor per per cent of a quantity, in the quantity's shape.
+
+        ``of`` is ``"friction"`` or another joint value, ``"weight"``, or ``"dead"`` and ``"live"``
+        for the loads' forces.
 
         Raises
         ------
         InputError
-            For anything else, and for a load factor of 0, of which there are no per cents.
+            For any other quantity, and for a load factor of 0, of which there are no per cents.
         """
         scene, factor = self.solution.scene, self.solution.load_factor
         values = {name: getattr(scene.contacts, name) for name in JOINTS}
@@ -208,15 +215,16 @@ class Sensitivity:
         return np.asarray(by * np.where(by != 0.0, values[of], 0.0) / factor)
 
     def to_dataframe(self, what: str = "contacts") -> DataFrame:
-        """The derivatives as a table: ``"contacts"``, ``"blocks"``, ``"vertices"`` or ``"loads"``.
+        """Returns the derivatives as a table: ``"contacts"``, ``"blocks"``, ``"vertices"`` or
+        ``"loads"``.
 
-        ``table.attrs["units"]`` and ``table.attrs["description"]`` say what each column is,
-        ``table.attrs["note"]`` what the derivatives rest on.
+        ``table.attrs["units"]`` and ``table.attrs["description"]`` explain each column, and
+        ``table.attrs["note"]`` says what the derivatives are based on.
 
         Raises
         ------
         InputError
-            For another table.
+            For any other name of a table.
         ModelError
             If pandas is not installed.
 
@@ -232,32 +240,36 @@ class Sensitivity:
 
 
 def _most(values: FloatArray, names: Sequence[str], unit: str) -> str:
-    """The largest of some values, three at most, none below a tenth of the first."""
+    """Returns a text with the largest of some values, at most three, none below a tenth of the
+    first."""
     order = np.argsort(-np.abs(values), kind="stable")[:3]
-    kept = [k for k in order.tolist() if abs(values[k]) >= 0.1 * abs(values[order[0]])]
-    said = [f"{names[k]} {values[k]:+.3g} {unit}".rstrip() for k in kept]
-    return f"most in {', '.join(said)}"
+    chosen = [k for k in order.tolist() if abs(values[k]) >= 0.1 * abs(values[order[0]])]
+    texts = [f"{names[k]} {values[k]:+.3g} {unit}".rstrip() for k in chosen]
+    return f"most in {', '.join(texts)}"
 
 
 def sensitivity(solution: Solution) -> Sensitivity:
-    """See :meth:`cvxlimit.Solution.sensitivity`."""
+    """Returns the derivatives of a solution; :meth:`cvxlimit.Solution.sensitivity` describes
+    them."""
     proof = Proof(solution, _checked(solution))
     scene, factor = proof.scene, float(solution.load_factor or 0.0)
     start = np.cumsum([0, *(len(b.vertices) for b in scene.blocks)])
-    found, shared = by_joints(proof, start)
+    # Through contacts; slopes that differ with other forces of the same mechanism are one-sided.
+    by_contact, shared = by_joints(proof, start)
     several, other = proof.elsewhere()
     one_sided = {
-        name: several | (np.abs(by - found[name]) > TOLERANCE * np.abs(found[name]).max())
+        name: several | (np.abs(by - by_contact[name]) > TOLERANCE * np.abs(by_contact[name]).max())
         for name, by in by_joints(other, start)[0].items()
     }
     one_sided["vertices"] = one_sided["vertices"].any(axis=1)
+    # Through the blocks' bodies and through the loads.
     dead, live = (load.per_weight(scene.blocks) for load in (scene.dead, scene.live))
-    by_vertex = found.pop("vertices")
+    by_vertex = by_contact.pop("vertices")
     add_bodies(proof, factor, by_vertex, start)
     own, ids = proof.rates[scene.free], [block.id for block in scene.blocks]
     return Sensitivity(
         solution,
-        **found,
+        **by_contact,
         weight=-((dead + factor * live)[scene.free] * own).sum(axis=1),
         dead=-own,
         live=-factor * own,
@@ -270,7 +282,8 @@ def sensitivity(solution: Solution) -> Sensitivity:
 
 
 def _checked(solution: Solution) -> tuple[YieldSurface, ...]:
-    """The surfaces; refused where the load factor is not the optimum of one convex problem."""
+    """Returns the surfaces; raises InputError if the load factor is not the optimum of one convex
+    problem."""
     why = ""
     if solution.interaction != "none":
         why = "with interaction the load factor is no optimum of one convex problem"
