@@ -42,4 +42,4 @@ def test_a_dask_clients_executor() -> None:
 def _explorers() -> int:
     from cvxlimit.methods.interaction.branching import search as workers
 
-    return len(workers._known)
+    return len(workers._relaxers)

@@ -1,5 +1,9 @@
-"""Bound tightening: ranges of pressure centres that cannot reach the bound from below are cut off,
-after a certified bound has shown the same.
+"""Bound tightening: ranges of pressure centres that cannot reach the lower bound are cut off.
+
+A node of branch and bound allows each contact a *range* of pressure centres along each side. A
+convex problem (:class:`Reach`) finds how far pressure can act from the middle of a contact if the
+load factor is to be at least the lower bound. Beyond it the range is cut off, after the certified
+bound of a mechanism has shown the same.
 """
 
 from __future__ import annotations
@@ -28,8 +32,8 @@ from cvxlimit.surfaces.base import times
 def tightened_root(
     relaxer: Relaxer, node: Node, goal: Goal, has_time: Callable[[], bool] = lambda: True
 ) -> Explored:
-    """The root after tightening as long as that gains and there is time for it; without a lower
-    bound nothing is cut."""
+    """Tightens the root round by round, as long as a round gains enough and ``has_time`` is true,
+    and returns it as explored. Without a lower bound nothing is cut."""
     relaxer.begun()
     while node.bound > goal.cut > -np.inf and has_time():
         gap = node.bound - goal.cut
@@ -40,22 +44,28 @@ def tightened_root(
 
 
 class _Tightening:
-    """One round over all ranges of a node that carry the gap."""
+    """One round of tightening, over all ranges of a node at contacts that carry its gap.
+
+    ``boxes`` (n, 2, 2) are the ranges so far: contact, side of the contact, low and high end.
+    """
 
     def __init__(self, relaxer: Relaxer, node: Node, goal: Goal) -> None:
         self.relaxer, self.node, self.goal = relaxer, node, goal
         self.boxes, self._is_missing = node.boxes.copy(), False
 
     def tightened(self, has_time: Callable[[], bool]) -> Node:
+        """Returns the node with its ranges cut and its relaxation solved again."""
         relaxer, node = self.relaxer, self.node
         if node.forces is None or node.mechanism is None:
             return node
-        self._aim()
+        self._state_reach()
+        # Contacts that carry most of the gap, those with the highest score first.
         centre = centres(node.forces, relaxer.contacts)
         score = scores(relaxer, node, BRANCH.at_rest_tightened)
         rows = np.argsort(-score)
         before = np.cumsum(score[rows]) - score[rows]
         rows = rows[(before < BRANCH.carried * score.sum()) & (score[rows] > 0.0)].tolist()
+        # Each end of their ranges that is far enough from the pressure centre is moved inwards.
         for j, axis, side in product(rows, (0, 1), (0, 1)):
             if not has_time():
                 break
@@ -65,49 +75,59 @@ class _Tightening:
                 self.boxes[j, axis, side] = self._reached(j, axis, sign)
         if np.array_equal(self.boxes, node.boxes):
             return self.node
+        # The relaxation of the smaller ranges, without disjuncts that belong to the larger ones.
         changed = np.flatnonzero((self.boxes != node.boxes).any(axis=(1, 2)))
         added = self.node.without(*changed.tolist())
-        (found,) = relaxer.evaluated([replace(self.node, boxes=self.boxes, added=added)], self.goal)
-        return found
+        (solved,) = relaxer.evaluated(
+            [replace(self.node, boxes=self.boxes, added=added)], self.goal
+        )
+        return solved
 
-    def _aim(self) -> None:
+    def _state_reach(self) -> None:
+        """States the problem of how far pressure can act, for the node's disjuncts."""
         (pieces,) = self.relaxer.pieces([self.node.boxes])
         self.reach = Reach(self.relaxer.problem, [*pieces, *self.node.added], self.goal.cut)
 
     def _reached(self, j: int, axis: int, sign: float) -> float:
+        """Returns the end of contact j's range along ``axis``, at its low (``sign`` -1) or high (1)
+        side, after cutting off what a certified bound allows; the present end if nothing is."""
         relaxer, boxes, side = self.relaxer, self.boxes, int(sign > 0.0)
         present, width = float(boxes[j, axis, side]), float(np.ptp(boxes[j, axis]))
         for _ in range(BRANCH.attempts):
             relaxer.solves += 1
-            found = self.reach.furthest(j, axis, sign, relaxer.ladder[0])
-            if found is None:
+            # How far pressure can act, and a little more.
+            furthest = self.reach.furthest(j, axis, sign, relaxer.ladder[0])
+            if furthest is None:
                 break
-            at = sign * (found[0] + BRANCH.beyond * width)
+            at = sign * (furthest[0] + BRANCH.beyond * width)
             if sign * (present - at) < BRANCH.cut * width:
                 break
+            # The slab beyond is cut off if the mechanism proves that it may be. If instead the
+            # mechanism shows disjuncts that were missing, the problem is stated again with them.
             slab = boxes.copy()
             slab[j, axis, 1 - side] = at
-            if self._is_shut(slab, found[1], j):
+            if self._is_shut(slab, furthest[1], j):
                 return at
             if not self._is_missing:
                 break
-            self._aim()
+            self._state_reach()
         return present
 
     def _is_shut(self, slab: FloatArray, mechanism: FloatArray, j: int) -> bool:
-        """True if a mechanism proves that states pressed in ``slab`` do not reach the bound; else
-        disjuncts that it missed are added."""
+        """Returns True if a mechanism (free, 6) proves that states pressed in ``slab`` (n, 2, 2) do
+        not reach the lower bound; otherwise adds disjuncts of contacts but j that it missed."""
         relaxer, node, goal = self.relaxer, self.node, self.goal
         flow = relaxer.flow.within(slab, goal.precision)
         certifier = relaxer.certifier.with_flow(flow)
         assert node.mechanism is not None
-        # the node's mechanism in its proofs, which may do no live work by itself
+        # The mechanism may do no live work by itself: a little of the node's is added to it.
         tilt = PROOF.margin * np.abs(mechanism).max() / np.abs(node.mechanism).max()
         rates = mechanism + tilt * node.mechanism
         bound = certifier.certificate(node.forces, None, rates).upper
         if bound <= goal.cut + 0.1 * goal.width:
             relaxer.closed = max(relaxer.closed, bound)
             return True
+        # Not proved: disjuncts on which this mechanism does more power than those of the problem.
         power, new = float(relaxer.statics.live @ rates.ravel()), Disjuncts.none()
         if power > 0.0:
             worth = BRANCH.worth_a_disjunct * goal.width
@@ -122,14 +142,18 @@ class _Tightening:
 class Reach:
     """How far from its contact's middle pressure can act if a load factor is to be reached.
 
-    The largest e = X / N over all states of a relaxation with a load factor of ``least`` or more
-    is one convex problem: by homogeneity states may be scaled to N = 1 there, with the dead load
-    scaled by t >= 0 (Charnes and Cooper). Its mechanism bounds all states beyond by ``least``.
+    The pressure centre of a contact is e1 = -M2 / N along t1 and e2 = M1 / N along t2. Its largest
+    value over all states of a relaxation with a load factor of ``least`` or more is one convex
+    problem: by homogeneity states may be scaled to N = 1 at this contact, with the dead load scaled
+    by a ``share`` >= 0 (Charnes and Cooper). The problem's mechanism bounds the load factor of all
+    states pressed farther out by ``least``.
     """
 
     def __init__(
         self, problem: HullProblem, disjuncts: Disjuncts | Sequence[ColumnBlock], least: float
     ) -> None:
+        # The scaled loads: live loads times a factor, dead loads times the share, and
+        # factor >= least * share.
         self.problem, into = problem, Rows()
         factor, share = into.new(), into.new()
         into.zero(times(problem.live, factor) + times(problem.dead, share))
@@ -146,12 +170,14 @@ class Reach:
     def furthest(
         self, contact: int, axis: int, sign: float, settings: SolverSettings
     ) -> tuple[float, FloatArray] | None:
-        """Largest e1 or e2 (``axis``) times ``sign`` as a fraction, and its mechanism (free, 6);
-        None without an answer, as for contacts that do not press."""
+        """Returns the largest e1 (``axis`` 0) or e2 (1) of a contact times ``sign``, as a fraction
+        of the half extent, and the problem's mechanism (free, 6); None without an answer, as for
+        contacts without compression."""
         base, plain = len(COMPONENTS) * int(self.problem.number[contact]), self.plain
         normal = self.resultant_map[[base + COLUMN["N"]]]
         if not normal.nnz:
             return None
+        # Goal: sign times e1 = -M2 or e2 = M1, with the row N = 1 before all others.
         moment, turn = (("M2", -1.0), ("M1", 1.0))[axis]
         cost = -sign * turn * self.resultant_map[[base + COLUMN[moment]]].toarray()[0]
         program = replace(
