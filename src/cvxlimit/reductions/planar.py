@@ -1,14 +1,29 @@
 """Planar scenes: three degrees of freedom per block, three forces per contact.
 
-A scene is planar when (1) normals, dead and live forces lie in a plane and load moments are about
-its normal y, (2) centroids and centres of contacts are on one such plane, (3) there each contact
-reaches as far along d = y x n as anywhere, and (4) reflection carries admissible forces of every
-contact into themselves. Then the mean of forces and their mirror image is admissible, its pressure
-centre on the plane and inside. So one compression at each of the contact's two ends there suffices,
-and the shear V along d, for which abs(V) gauge(d) <= mu N + c A are two rows. Blocks move in the
-plane and turn about y, which opens edges of contacts alike and twists none, so that the flow rule
-of the full scene holds. Facets are indifferent where d is along a normal or through a corner of
-theirs.
+A scene is planar when four things hold:
+
+1. normals of contacts, dead and live forces lie in a plane, and load moments are about its normal;
+2. centroids and centres of contacts are on one such plane;
+3. each contact reaches as far along d on this plane as anywhere else;
+4. reflection in the plane carries admissible forces of every contact into admissible ones.
+
+Then the mean of forces and their mirror image is admissible, and its pressure centre is on the
+plane and inside the contact. So three forces per contact suffice: one compression at each of the
+contact's two ends on the plane, and the shear V along d. Its condition abs(V) gauge(d) <= mu N +
+c A is two rows. Blocks move in the plane and turn about y, which opens edges of contacts alike and
+twists none, so that the flow rule of the full scene holds. Facets keep reflection where d is along
+one of their normals or through one of their corners.
+
+======  =======================================================  ========  ===================
+letter  what it is                                               shape     in the code
+======  =======================================================  ========  ===================
+y       unit normal of the plane                                 (3,)      Plane.normal
+y       the same in the axes t1, t2 of contacts                  (n, 2)    Plane.across
+d       y x n, in the same axes: along the contact and in plane  (n, 2)    Plane.along
+N, V    compression; shear along d                               (n,)      "N", "V"
+mu, c   friction coefficient, cohesion                           (n,)      in the conditions
+A       area                                                     (n,)      in the conditions
+======  =======================================================  ========  ===================
 """
 
 from __future__ import annotations
@@ -36,17 +51,25 @@ from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking
 
 _IN_PLANE = 2e-12
-"""What is put down to rounding: components of unit vectors out of the plane, and distances from it
-over the size of the scene. The built-in planar scenes turned by random rotations stay below
-5e-15 (20 turns each); a certificate's forces must balance to 1e-11."""
+"""Largest component of a unit vector out of the plane, and largest distance from it over the size
+of the scene, that count as rounding. The built-in planar scenes turned by random rotations stay
+below 5e-15 (20 turns each); a certificate's forces must balance to 1e-11."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """The plane of a planar scene, and what contacts look like in it.
+    """The plane of a planar scene, and its contacts seen in it.
 
-    ``normal`` is the unit vector y; ``conditions`` are those of the surfaces in ``names``, on N and
-    V, with one coefficient per contact.
+    Attributes
+    ----------
+    normal : (3,) array
+        The unit vector y.
+    contacts : Contacts
+        The n contacts of the scene.
+    conditions : sequence of Condition
+        Conditions on N and V, with one coefficient per contact.
+    names : frozenset of str
+        Names of the surfaces that these conditions are of.
     """
 
     normal: FloatArray
@@ -66,16 +89,20 @@ class Plane:
 
     @cached_property
     def ends(self) -> FloatArray:
+        """Places (n, 2) of each contact's two ends along d, from its origin."""
         reach = self._reach
         start = self.contacts.corner_start[:-1]
         return np.stack([np.minimum.reduceat(reach, start), np.maximum.reduceat(reach, start)], 1)
 
     @cached_property
     def _reach(self) -> FloatArray:
+        """Place along d of each corner of all contacts (corners,)."""
         j = self.contacts.corner_contact
         return np.asarray((self.contacts.corner_xy * self.along[j]).sum(axis=1))
 
     def spans(self, tolerance: float) -> bool:
+        """Returns True if each contact reaches both its ends on the plane itself: corners there lie
+        on the plane or on both sides of it, to a ``tolerance`` in length."""
         start = self.contacts.corner_start[:-1]
         j = self.contacts.corner_contact
         beside = (self.contacts.corner_xy * self.across[j]).sum(axis=1)
@@ -88,6 +115,8 @@ class Plane:
         return True
 
     def model(self, contacts: Contacts) -> ForceModel:
+        """Returns the formulation: compressions at the two ends, shear along d, and the conditions
+        on them."""
         each = np.arange(len(contacts))
         ends = (self.ends.T[:, :, None] * self.along).reshape(-1, 2)
         return ForceModel(
@@ -101,6 +130,7 @@ class Plane:
         )
 
     def taking(self, kept: NDArray[np.bool_]) -> Plane:
+        """Returns the plane with only those contacts for which ``kept`` (n,) is true."""
         if kept.all():
             return self
         rows = np.flatnonzero(kept)
@@ -117,14 +147,16 @@ class Plane:
         y = np.pad(self.across, ((0, 0), (0, 1)))
         if not is_invariant(surfaces, self.contacts, each, reflected(y)):
             return None
-        found = [row for s in surfaces for row in self._stated(s)]
-        rows = [row for row in found if row is not None]
-        if len(rows) < len(found):
+        stated_rows = [row for s in surfaces for row in self._planar_rows(s)]
+        rows = [row for row in stated_rows if row is not None]
+        if len(rows) < len(stated_rows):
             return None
         names = frozenset(surface.name for surface in surfaces)
         return replace(self, conditions=rows, names=names)
 
-    def _stated(self, surface: YieldSurface) -> Iterator[Condition | None]:
+    def _planar_rows(self, surface: YieldSurface) -> Iterator[Condition | None]:
+        """Yields a surface's conditions on N and V, two rows for each of its conditions; None for
+        one that depends on other forces in the plane. Rocking is in the formulation itself."""
         if type(surface) is Rocking:
             return
         for condition in stated(surface, self.contacts):
@@ -133,6 +165,7 @@ class Plane:
             if resistance is None or sizes is None or np.any(self._in_plane(resistance)[:, [0, 2]]):
                 yield None
                 return
+            # A condition without shear that no compression can break needs no rows.
             if not sizes.any() and (resistance >= 0.0).all():
                 continue
             strength: dict[str, FloatArray] = {"N": resistance[:, 2]}
@@ -143,7 +176,8 @@ class Plane:
                 yield Condition((), row)
 
     def _shear_sizes(self, condition: Condition, cone: Cone) -> FloatArray | None:
-        """Sum of norms (2, n) for V = 1 and V = -1; None if they depend on more than V."""
+        """Returns the sum of a condition's norms (2, n) for V = 1 and V = -1; None if they depend
+        on more than V."""
         total = np.zeros((2, len(self.contacts)))
         for norm in condition.norms:
             shear = []
@@ -157,13 +191,16 @@ class Plane:
         return total
 
     def _in_plane(self, rows: FloatArray) -> FloatArray:
+        """Returns coefficients (n, 3) of V, N and the moment about y, from those (n, 7) of V1, V2,
+        N, M1, M2, MT and the constant."""
         shear = (rows[:, :2] * self.along).sum(axis=1)
         moment = (rows[:, 3:5] * self.across).sum(axis=1)
         return np.stack([shear, rows[:, 2], moment], axis=1)
 
 
 def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | None:
-    """The plane of a scene under given surfaces, or None if it is not planar to rounding."""
+    """Returns the plane of a scene under these surfaces, or None if the scene is not planar to
+    rounding."""
     size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
     for normal in _candidates(statics):
         if _is_flat(statics, normal, size):
@@ -174,6 +211,8 @@ def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | No
 
 
 def _candidates(statics: Statics) -> Iterator[FloatArray]:
+    """Yields unit vectors that may be the plane's normal: the direction in which normals of
+    contacts vary least, and the edges of the first contact."""
     contacts = statics.contacts
     corners = contacts.corner_points[: contacts.corner_start[1]]
     edges = np.roll(corners, -1, axis=0) - corners
@@ -183,6 +222,8 @@ def _candidates(statics: Statics) -> Iterator[FloatArray]:
 
 
 def _is_flat(statics: Statics, normal: FloatArray, size: float) -> bool:
+    """Returns True if the first two points of the module's text hold for this normal in a scene of
+    this size."""
     contacts = statics.contacts
     if np.abs(contacts.axes[:, 2] @ normal).max() > _IN_PLANE:
         return False

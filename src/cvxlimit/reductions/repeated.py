@@ -1,4 +1,4 @@
-"""What analyses of scenes share that differ in strengths, densities and loads only."""
+"""Results that analyses share whose scenes differ in strengths, densities and loads only."""
 
 from __future__ import annotations
 
@@ -16,18 +16,26 @@ from cvxlimit.solvers.program import ConeProgram
 T = TypeVar("T")
 
 _SHARED = 64_000
-"""Contacts, in all, of what scenes of equal strength share, which is two things: 32 strengths of
-1,000 contacts, 100 MB; with twenty in turn, a row of a sweep costs some 2 ms less."""
+"""Most contacts, summed over all results of :meth:`Repeats.shared`, that are kept. Scenes of equal
+strength share two results, so that this is 32 strengths of 1,000 contacts, or 100 MB. With twenty
+strengths in turn it takes some 2 ms off a row of a sweep."""
 
 _KEPT = 4
-"""Patterns kept: one per pattern of the loads, as a rule two."""
+"""Patterns of programs that are kept: one per pattern of the loads, as a rule two."""
 
 
 class Repeats:
-    """What problems of one geometry share: ``states`` of
-    :class:`~cvxlimit.proof.slater.Witnesses`, by the loads and strengths they are for, what follows
-    from strengths alone, and the structure of programs by their pattern. None of these depends on
-    whose was the first.
+    """A store of results for problems of one geometry, none of which depends on which problem was
+    the first.
+
+    It keeps results that follow from strengths alone (:meth:`shared`), the structure of programs
+    by their pattern (:meth:`structure`), and states.
+
+    Attributes
+    ----------
+    states : dict
+        States of :class:`~cvxlimit.proof.slater.Witnesses`, by the loads and strengths they are
+        for.
     """
 
     def __init__(self) -> None:
@@ -37,8 +45,12 @@ class Repeats:
         self._last: tuple[ConeProgram, str] | None = None
 
     def shared(self, what: Hashable, contacts: Contacts, make: Callable[[], T]) -> T:
-        """What is the same for all scenes with these contacts: made once. ``what`` says what it is,
-        and how strong they are if that matters. Not for several threads at a time."""
+        """Returns a result that is the same for all scenes with these contacts; ``make`` makes it
+        the first time.
+
+        ``what`` names the result, and the strengths of the contacts if it depends on them. Not for
+        several threads at a time.
+        """
         before, result = self._shared.pop(what, (contacts, None))
         if result is None or not contacts.is_in_place_of(before):
             result = make()
@@ -49,7 +61,8 @@ class Repeats:
         return own
 
     def structure(self, program: ConeProgram) -> dict[str, Any]:
-        """What solvers keep about programs with this pattern; see :meth:`ConeProgram.solve`."""
+        """Returns the dictionary in which solvers keep the structure of programs with this pattern;
+        see :meth:`ConeProgram.solve`."""
         key = self._pattern(program)
         self._last = program, key
         kept = self._kept.setdefault(key, {})
@@ -59,6 +72,7 @@ class Repeats:
         return kept
 
     def _pattern(self, program: ConeProgram) -> str:
+        """Returns a digest of where the program's entries stand, and of its cones."""
         if self._last is not None and program.is_like(self._last[0]):
             return self._last[1]
         sizes = program.zero, program.nonneg, len(program.cones), *program.matrix.shape
