@@ -94,8 +94,11 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """A surface in unknowns of its own, one each per contact: what force components they give, and
-    the same conditions in them, for solvers to whom these are easier."""
+    """A surface in unknowns of its own, one of each per contact, which some solvers find easier.
+
+    ``components`` maps force components to linear forms of the unknowns; ``conditions`` are the
+    surface's conditions in the unknowns.
+    """
 
     components: Mapping[str, LinearForm]
     conditions: Sequence[Condition]
@@ -167,6 +170,7 @@ class Recession(YieldSurface):
 
 
 def has_constants(condition: Condition) -> bool:
+    """Returns True if a condition has constants other than zero."""
     constants = [number(form.get(CONSTANT, 0.0)) for form in condition.forms()]
     return any(map(np.any, constants))
 
@@ -174,8 +178,8 @@ def has_constants(condition: Condition) -> bool:
 def stated(
     surface: YieldSurface, contacts: Contacts, parts: Sequence[str] = ()
 ) -> Sequence[Condition]:
-    """A surface's conditions, checked for what is easily mistyped; ``parts`` are further
-    components."""
+    """Returns a surface's conditions, after checks for what is easily mistyped; ``parts`` are
+    components that it may name besides the six."""
     conditions = surface.conditions(contacts)
     for condition in conditions:
         check_condition(condition, f"surface {surface.name!r}", len(contacts), parts)
@@ -185,6 +189,8 @@ def stated(
 def check_condition(
     condition: Condition, owner: str, contacts: int, parts: Sequence[str] = ()
 ) -> None:
+    """Raises ModelError, in the name of the ``owner``, for a condition that is no Condition, whose
+    forms name unknown components, or whose coefficients have the wrong shape, size or sign."""
     if not isinstance(condition, Condition):
         raise ModelError(f"{owner} must state Condition objects, got {condition!r}")
     if condition.contact is not None and np.ndim(condition.contact) != 1:
@@ -208,9 +214,9 @@ def check_condition(
         if norm.is_plain:
             continue
         _check_coefficient(norm.weight, f"weight of a norm in {owner}", rows)
-        given = norm.weight
-        # Parameters may not have values yet
-        weights = given.value if isinstance(given, cp.Expression) else given
+        # Parameters may not have values yet.
+        weight = norm.weight
+        weights = weight.value if isinstance(weight, cp.Expression) else weight
         if weights is not None and np.min(weights, initial=0.0) < 0.0:
             raise ModelError(
                 f"weight of a norm in {owner} must not be negative, got {np.min(weights):g}: "
@@ -219,6 +225,7 @@ def check_condition(
 
 
 def _check_coefficient(coefficient: Coefficient, what: str, rows: int) -> None:
+    """Raises ModelError unless a coefficient is a finite number, or one for each of the rows."""
     if isinstance(coefficient, cp.Expression):
         return
     try:
@@ -234,12 +241,15 @@ def _check_coefficient(coefficient: Coefficient, what: str, rows: int) -> None:
 
 
 def columns(forces: FloatArray) -> dict[str, FloatArray]:
+    """Returns the columns of forces (n, 6) by name: V1, V2, N, M1, M2, MT."""
     return dict(zip(COLUMN, forces.T, strict=True))
 
 
 def condition_excess(
     condition: Condition, cone: Cone, values: Mapping[str, FloatArray]
 ) -> FloatArray:
+    """Returns the yield function of a condition, norms less resistance, one number per row, for
+    force components (n,) by name. It is at most 0 where forces are admissible."""
     y = -evaluate(condition.resistance, values, condition.contact)
     for norm in condition.norms:
         rows = [evaluate(form, values, condition.contact) for form in norm.rows]
@@ -250,6 +260,8 @@ def condition_excess(
 def evaluate(
     form: LinearForm, values: Mapping[str, FloatArray], contact: IntArray | None = None
 ) -> FloatArray:
+    """Returns the values of a linear form, one per row; ``contact`` is the contact of each row, as
+    in :class:`Condition`."""
     result = np.zeros(len(values["N"]) if contact is None else len(contact))
     for component, coefficient in form.items():
         of = 1.0 if component == CONSTANT else _rows(values, component, contact)
@@ -289,19 +301,22 @@ def utilisation(surface: YieldSurface, forces: FloatArray, contacts: Contacts) -
 def _used(
     condition: Condition, cone: Cone, values: Mapping[str, FloatArray], least: float
 ) -> FloatArray:
-    given = {k: c for k, c in condition.resistance.items() if k in ("N", CONSTANT)}
-    signed = {k: c for k, c in condition.resistance.items() if k not in given}
+    """Returns the share of a condition's strength that forces use, one per row; NaN where the
+    strength is not above ``least``."""
+    strength = {k: c for k, c in condition.resistance.items() if k in ("N", CONSTANT)}
+    signed = {k: c for k, c in condition.resistance.items() if k not in strength}
     used = condition_excess(replace(condition, resistance=signed), cone, values)
-    available = evaluate(given, values, condition.contact)
+    available = evaluate(strength, values, condition.contact)
     carries = available > least
     return np.where(carries, used, np.nan) / np.where(carries, available, 1.0)
 
 
 def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone: Cone) -> None:
-    """State a condition on force components (n,), forms of the sink in the scale of their
-    :data:`CONSTANT`.
+    """States a condition on force components (n,), which are forms of the sink.
 
-    Norms get an auxiliary bound each, except a plain last one, which takes what remains.
+    ``forces`` also holds a :data:`CONSTANT`: the unit in which the components are. Each norm gets
+    an auxiliary bound, which is taken off the resistance, except a last one without a weight: its
+    bound is the rest of the resistance.
     """
     contact = condition.contact
     remaining = express(condition.resistance, forces, contact)
@@ -319,25 +334,29 @@ def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone
 
 
 def number(coefficient: Coefficient) -> float | FloatArray:
+    """Returns a coefficient in numbers, at the present values of its Parameters."""
     if isinstance(coefficient, cp.Expression):
         return np.asarray(coefficient.value, dtype=float)
     return coefficient
 
 
 def is_some(coefficient: Coefficient) -> bool:
-    """False for a coefficient that is zero everywhere, whatever Parameters are."""
+    """Returns False for a coefficient that is zero everywhere, and True for expressions in
+    Parameters, whose values may change."""
     return isinstance(coefficient, cp.Expression) or bool(np.any(coefficient))
 
 
 def product(first: Coefficient, second: Coefficient) -> Any:
-    """Entry by entry: between CVXPY's vectors ``*`` is the dot product."""
+    """Returns the product of two coefficients entry by entry; between CVXPY's vectors ``*`` would
+    be the dot product."""
     if isinstance(first, cp.Expression) or isinstance(second, cp.Expression):
         return cp.multiply(first, second)
     return first * second
 
 
 def slip_resistance(contacts: Contacts) -> LinearForm:
-    """mu N (Eq. 10), and c A where the scene has cohesion: the most that slip works against.
+    """Returns mu N (Eq. 10), plus c A where the scene has cohesion: the largest force that slip
+    works against.
 
     >>> from cvxlimit import builtin_scene
     >>> scene = builtin_scene("tuff-wall")
@@ -351,33 +370,38 @@ def slip_resistance(contacts: Contacts) -> LinearForm:
 
 
 def express(form: LinearForm, forces: Mapping[str, Any], contact: IntArray | None = None) -> Any:
-    """A linear form of force components, arrays or forms of a sink."""
+    """Returns a linear form of force components, which are arrays or forms of a sink; ``contact``
+    as in :func:`evaluate`."""
     terms = [
         times(k, _rows(forces, component, contact))
         for component, k in form.items()
         if component != CONSTANT
     ]
-    if CONSTANT in form:  # last: it may be an expression of CVXPY's, which adds no other kind
+    # The constant comes last: it may be an expression of CVXPY, which adds no other kind.
+    if CONSTANT in form:
         terms = terms or [times(0.0, _rows(forces, "N", contact))]
         terms.append(product(form[CONSTANT], forces[CONSTANT]))
     return sum(terms[1:], start=terms[0])
 
 
 def times(coefficient: Coefficient, component: Any) -> Any:
-    """A form of a sink times a coefficient."""
+    """Returns a form of a sink times a coefficient, entry by entry."""
     if isinstance(coefficient, (int, float)):
         return component if coefficient == 1 else coefficient * component
     if not isinstance(component, cp.Expression):
         return component.times(coefficient)
-    if not isinstance(coefficient, cp.Expression):  # a name, for who prints the problem
+    # A name for the numbers, so that a printed problem is short.
+    if not isinstance(coefficient, cp.Expression):
         coefficient = cp.Constant(coefficient, name=f"[{np.size(coefficient)} numbers]")
     return cp.multiply(coefficient, component)
 
 
 def _rows(values: Mapping[str, Any], name: str, contact: IntArray | None) -> Any:
+    """Returns a component at the contact of each row; other unknowns have a row each already."""
     value = values[name]
     return value if contact is None or name not in COLUMN else value[contact]
 
 
 def _plain(form: LinearForm) -> LinearForm:
+    """Returns a form without its constant."""
     return {component: k for component, k in form.items() if component != CONSTANT}

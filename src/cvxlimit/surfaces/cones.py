@@ -1,4 +1,9 @@
-"""How a norm of force components is bounded: exactly, or by K facets."""
+"""Cones: how a norm of force components is bounded, exactly or by K facets.
+
+Each cone has a *gauge*, the size that it gives a vector (the Euclidean norm for the circle); a
+*polar gauge*, the size of the rates that belong to such forces; and the *epigraph* of both, the
+constraint that the size is at most a bound.
+"""
 
 from __future__ import annotations
 
@@ -147,6 +152,7 @@ class Facets(Cone):
 
     def _polar_gauge(self, rows: FloatArray) -> FloatArray:
         self._check(len(rows))
+        # Corners of the unit polygon, between its facets: the polar gauge is attained at one.
         middle = self.normals + np.roll(self.normals, -1, axis=0)
         middle /= (middle * self.normals).sum(axis=1)[:, None]
         return np.asarray((middle @ rows).max(axis=0))
@@ -161,12 +167,14 @@ class Facets(Cone):
 
     def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         self._check(len(rows))
+        # The vector is a sum of facet normals times parts >= 0, and the sum of parts is bounded.
         parts = [into.new(rows[0].size, nonneg=True) for _ in self.normals]
         into.nonneg(bound - sum(parts))
         for weights, row in zip(self.normals.T.tolist(), rows, strict=True):
             into.zero(sum(w * z for w, z in zip(weights, parts, strict=True)) - row)
 
     def _check(self, components: int) -> None:
+        """Raises ModelError unless vectors have two components."""
         if components != 2:
             raise ModelError(
                 f"facets bound vectors of two components, this surface has {components}: "
@@ -176,9 +184,9 @@ class Facets(Cone):
 
 @dataclass(frozen=True)
 class Parabola(Cone):
-    """Gauge of vectors (v1, v2, m) whose unit ball is abs(m) <= 1 - v1^2 - v2^2.
+    """The cone of vectors (v1, v2, m) whose unit ball is abs(m) <= 1 - v1^2 - v2^2.
 
-    abs(m)/2 + norm(v1, v2, m/2): one second-order cone.
+    Its gauge is abs(m)/2 + norm(v1, v2, m/2), which takes one second-order cone.
 
     >>> v = [np.array([0.6]), np.array([0.0]), np.array([0.64])]
     >>> Parabola().gauge(v).tolist()
@@ -212,6 +220,7 @@ class Parabola(Cone):
 
 
 def _between(into: Sink, bound: Any, row: Any) -> None:
+    """States abs(row) <= bound."""
     into.nonneg(bound - row)
     into.nonneg(bound + row)
 

@@ -1,4 +1,10 @@
-"""Surfaces without interaction with bending (rocking, sliding, torsion), and sets of them."""
+"""Surfaces without interaction with bending (rocking, sliding, torsion), and sets of them.
+
+Letters: N is compression, V the resultant of shear V1 and V2, M1 and M2 are moments about t1 and
+t2, MT is torsion; mu is ``contacts.friction``, c the cohesion ``contacts.cohesion``, A
+``contacts.area``, c_T the torsion arm ``contacts.torsion_arm``, a length. All have one entry per
+contact.
+"""
 
 from __future__ import annotations
 
@@ -116,17 +122,18 @@ DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 
 
 def strength_key(surfaces: Sequence[YieldSurface], contacts: Contacts) -> Hashable | None:
-    """Equal for the same surfaces of this module on contacts of one geometry that are as strong;
-    None for surfaces and cones that may depend on more."""
+    """Returns a key that is equal for the same surfaces of this module on contacts of one geometry
+    with the same strengths; None for surfaces and cones that may depend on more."""
     plain = (Rocking, Sliding, Torsion, TorsionShear), (Conic, Facets)
     if not all(type(s) in plain[0] and type(s.cone) in plain[1] for s in surfaces):
         return None
-    asked = tuple((type(s), s.cone) for s in surfaces)
-    return asked, *(getattr(contacts, name).tobytes() for name in PROPERTIES)
+    kinds = tuple((type(s), s.cone) for s in surfaces)
+    return kinds, *(getattr(contacts, name).tobytes() for name in PROPERTIES)
 
 
 def refuse_lost_cohesion(surfaces: Sequence[YieldSurface], contacts: Contacts) -> None:
-    """Cohesion is part of what slip works against, which one's own surfaces may have forgotten."""
+    """Raises ModelError for a user's surface whose resistance to slip leaves out the scene's
+    cohesion."""
     for surface in surfaces:
         own = () if type(surface) in BUILT_IN.values() else surface.conditions(contacts)
         slips = [c.resistance for c in own if c.norms and "N" in c.resistance]
@@ -139,8 +146,15 @@ def refuse_lost_cohesion(surfaces: Sequence[YieldSurface], contacts: Contacts) -
 
 
 def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...]:
-    """Surfaces but for those implied by another of the same cone: facets around a circle do not
-    imply the circle, nor does the circle imply facets inside it."""
+    """Returns the surfaces without those that another one of the same cone implies. Cones must be
+    the same: facets around a circle do not imply the circle, nor does the circle imply facets
+    inside it.
+
+    Raises
+    ------
+    ModelError
+        If rocking is missing or not the built-in one, or a surface is given twice.
+    """
     names = [surface.name for surface in surfaces]
     if Rocking.name not in names:
         raise ModelError(
@@ -162,7 +176,7 @@ def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...
 def surfaces_of(
     surface: str | Cone | Sequence[YieldSurface],
 ) -> tuple[tuple[YieldSurface, ...], str]:
-    """Surfaces and their name from ``"octagon"``, ``"parabolic"`` ..., a cone, or surfaces.
+    """Returns surfaces and their name, from a name like ``"octagon"``, a cone, or surfaces.
 
     >>> [name for _, name in map(surfaces_of, ("8-gon", "parabolic", [Rocking(), TorsionShear()]))]
     ['octagon', 'parabolic', 'rocking(conic)+torsion-shear(conic)']
@@ -186,7 +200,7 @@ def surfaces_of(
 
 
 def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurface, ...] | None:
-    """The surfaces whose name :func:`surfaces_of` made; None if one of them is not built in.
+    """Returns the surfaces whose name :func:`surfaces_of` made; None if one is not built in.
 
     >>> [str(surface.cone) for surface in surfaces_named("rocking(conic)+sliding(octagon)")]
     ['conic', 'octagon']
@@ -198,14 +212,15 @@ def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurfa
         if not name.endswith(")"):
             return NAMED.get(torsion_shear) or surfaces_of(name)[0]
         parts = [part.removesuffix(")").split("(") for part in name.split("+")]
-        parabolic = ParabolicTorsionShear.name  # has one cone only
-        made = [BUILT_IN[s](*([] if s == parabolic else [parse_cone(c)])) for s, c in parts]
+        parabolic = ParabolicTorsionShear.name  # It has one cone only, which is not given.
+        surfaces = [BUILT_IN[s](*([] if s == parabolic else [parse_cone(c)])) for s, c in parts]
     except (KeyError, ValueError, ModelError):
         return None
-    return tuple(made)
+    return tuple(surfaces)
 
 
 def words_of(name: str) -> dict[str, str]:
+    """Returns the words by which results describe the surface of a name."""
     if name == PARABOLIC:
         return {"surface": "conic", "torsion_shear": PARABOLIC}
     return {"surface": name, "torsion_shear": "linear"}

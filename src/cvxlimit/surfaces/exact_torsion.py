@@ -1,12 +1,14 @@
-"""What a contact pressed uniformly resists exactly (Eq. 18-21), in closed form for any polygon.
+"""Exact torsion and shear of a contact under uniform pressure (Eq. 18-21), for any polygon.
 
-Friction mu p acts against the slip of every point. Slip is a rotation about a point c of the
-plane, so the limit states are, as shares of mu N,
+Friction mu p acts against the slip of every point r of the contact. Slip is a rotation about a
+point c of the plane, the *centre* of rotation, so the limit states are, as shares of mu N,
 
     V  = mean of (r - c)/abs(r - c), turned by 90 degrees,
-    MT = mean of abs(r - c), and what V gives about the contact's origin,
+    MT = mean of abs(r - c), plus the moment of V at c about the contact's origin,
 
-with c anywhere. Both means are sums over the polygon's edges.
+with c anywhere. Means are over the contact's area; in closed form they are sums over its edges.
+With h the distance of an edge's line from c and s the place along it, the mean of abs(r - c) is a
+sum of h times the integral of the distance along the edge, over 3 A.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from cvxlimit.geometry.polygons import distance_integral
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What each number is for, and where it was measured."""
+    """The numbers of the closed form far from a contact, and of the search for its largest arm."""
 
     far: float = 1000.0
     """Centres of rotation farther off than this many sizes of the contact count as translations,
@@ -41,11 +43,22 @@ _N = _Numbers()
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Edges of the convex pieces of n contacts: first corner and unit vector (m, 2) in their
-    planes.
+    """The m edges of the convex pieces of n contacts, in the contacts' axes t1, t2.
 
-    ``size`` (n,) is the largest distance of a contact's corner from the origin, ``spread``
-    (n, 2, 2) the mean of r r'.
+    Attributes
+    ----------
+    contact : (m,) array of int
+        Contact of each edge.
+    start, along : (m, 2) arrays
+        First corner of each edge, and unit vector along it, counter-clockwise.
+    length : (m,) array
+        Lengths of the edges.
+    area : (n,) array
+        Areas of the contacts.
+    size : (n,) array
+        Largest distance of a contact's corner from its origin.
+    spread : (n, 2, 2) array
+        Mean of the outer products r r' over each contact.
     """
 
     contact: IntArray
@@ -58,11 +71,13 @@ class Edges:
 
     @classmethod
     def of(cls, contacts: Contacts) -> Edges:
+        """Returns the edges of contacts."""
         polygons = [(j, piece) for j in range(len(contacts)) for piece in contacts.pieces_of(j)]
         return cls.of_polygons(polygons, np.asarray(contacts.area))
 
     @classmethod
     def of_polygons(cls, polygons: list[tuple[int, FloatArray]], area: FloatArray) -> Edges:
+        """Returns the edges of polygons (corners, 2), each with the number of its contact."""
         start = np.concatenate([polygon for _, polygon in polygons])
         end = np.concatenate([np.roll(polygon, -1, axis=0) for _, polygon in polygons])
         contact = np.repeat([j for j, _ in polygons], [len(polygon) for _, polygon in polygons])
@@ -77,11 +92,14 @@ class Edges:
         return cls(contact, start, along, length, area, size, spread / area[:, None, None])
 
     def _means(self, values: FloatArray) -> FloatArray:
+        """Returns sums of ``values`` (m, ...) over each contact's edges, over its area (n, ...)."""
         result = np.zeros((len(self.area), *values.shape[1:]))
         np.add.at(result, self.contact, values)
         return result / self.area.reshape(-1, *[1] * (values.ndim - 1))
 
     def _integrals(self, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns, for ``centre`` (n, ..., 2), the signed distance h of each edge's line from the
+        centre, and the integral of the distance along the edge (m, ...)."""
         each = [1] * (centre.ndim - 2)
         x, y = np.moveaxis(self.start.reshape(-1, *each, 2) - centre[self.contact], -1, 0)
         t1, t2, length = (v.reshape(-1, *each) for v in (*self.along.T, self.length))
@@ -89,17 +107,21 @@ class Edges:
         return h, distance_integral(h, s + length) - distance_integral(h, s)
 
     def mean_distance(self, centre: FloatArray) -> FloatArray:
+        """Returns the mean of abs(r - c) (n, ...) for ``centre`` (n, ..., 2)."""
         h, integral = self._integrals(centre)
         return self._means(h * integral) / 3.0
 
     def mean_direction(self, centre: FloatArray) -> FloatArray:
+        """Returns the mean of (r - c)/abs(r - c) (n, ..., 2) for ``centre`` (n, ..., 2)."""
         _, integral = self._integrals(centre)
         t1, t2 = (t.reshape(-1, *[1] * (integral.ndim - 1)) for t in self.along.T)
         return np.stack([self._means(t2 * integral), self._means(-t1 * integral)], axis=-1)
 
     def mean_slip(self, slip: FloatArray, twist: FloatArray) -> FloatArray:
-        """Mean size (n,) of the slip of each contact's points, for ``slip`` (n, 2) at its centroid.
-        Exact, or, where next to nothing rotates, above by ``far`` to the power of -3 at most."""
+        """Returns the mean size (n,) of the slip of each contact's points, for ``slip`` (n, 2) at
+        its centroid and ``twist`` (n,). It is exact; where next to nothing rotates it is larger by
+        ``far`` to the power of -3 at most."""
+        # A rotation about the point that does not slip, unless it is too far off.
         speed = np.linalg.norm(slip, axis=1)
         turning = np.abs(twist) * self.size
         is_far = speed >= _N.far * turning
@@ -107,7 +129,8 @@ class Edges:
         centre = np.stack([-slip[:, 1] / safe, slip[:, 0] / safe], axis=1)
         centre = np.where(is_far[:, None], 0.0, centre)
         rotating = np.abs(twist) * self.mean_distance(centre)
-        # abs(slip + twist x r) <= its share a along the slip + (share across)^2 / (2 a)
+        # Far off: abs(slip + twist x r) <= a + b^2 / (2 a), with a its component along the slip and
+        # b the one across it.
         least = np.where(is_far & (speed > 0.0), speed - turning, 1.0)
         ahead = slip / np.where(speed > 0.0, speed, 1.0)[:, None]
         across = twist**2 * np.einsum("ni,nik,nk->n", ahead, self.spread, ahead)
@@ -116,6 +139,7 @@ class Edges:
 
 
 def _second_moments(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Returns the integrals (m, 2, 2) of r r' over the triangles between edges and the origin."""
     doubled = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
     corners = (start, end, start + end)
     squares = sum((p[:, :, None] * p[:, None, :] for p in corners), np.zeros((len(start), 2, 2)))
@@ -123,7 +147,7 @@ def _second_moments(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def limit_states(edges: Edges, centre: ArrayLike) -> FloatArray:
-    """Limit forces V1, V2, MT (n, ..., 3) over mu N for slip about ``centre`` (n, ..., 2).
+    """Returns limit forces V1, V2, MT (n, ..., 3) over mu N for slip about ``centre`` (n, ..., 2).
 
     MT is about each contact's origin and has the unit of length; the opposite rotation gives the
     opposite forces.
@@ -141,10 +165,11 @@ def limit_states(edges: Edges, centre: ArrayLike) -> FloatArray:
 
 
 def parabola_arm(contacts: Contacts) -> FloatArray:
-    """Largest arm c (n,) for which abs(MT) / c <= mu N - abs(V)^2 / (mu N) is inside the exact set.
+    """Returns the largest arm c (n,), a length, for which the parabola
+    abs(MT) / c <= mu N - abs(V)^2 / (mu N) is inside the exact set.
 
-    c_T for rectangles; else c_T times the largest safe scaling, at most 1, searched over centres of
-    rotation.
+    For rectangles it is c_T. For other polygons it is searched over centres of rotation, and it is
+    c_T at most.
     """
     arm = np.array(contacts.torsion_arm)
     others = np.flatnonzero(~contacts.is_rectangle)
@@ -155,6 +180,8 @@ def parabola_arm(contacts: Contacts) -> FloatArray:
 
 
 def _largest_arm(edges: Edges) -> FloatArray:
+    """Returns the smallest abs(MT) / (1 - abs(V)^2) (n,) of all limit states, as shares of mu N,
+    on a grid of centres of rotation that becomes finer around the worst one."""
     count = len(edges.area)
     middle, width = np.zeros((count, 2)), _N.reach * edges.size
     best = np.full(count, np.inf)

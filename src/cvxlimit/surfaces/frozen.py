@@ -1,8 +1,22 @@
 """Torsion-shear-bending (Eq. 30 and 32) with the eccentricities frozen: convex surfaces.
 
-Stated in force components, and for solvers in unknowns of their own, with the plain surface's cone:
-abs(V) + abs(tau) <= mu N. The eccentricities then stand in equilibrium, and no row vanishes where a
-contact is pressed in a corner (c = 0), of which Eq. 32 says nothing any more.
+Each surface is stated twice: in force components, and for solvers in unknowns of its own, for which
+the cone is that of the surface without interaction, abs(V) + abs(tau) <= mu N. The eccentricities
+then stand in equilibrium instead of the condition. No row vanishes where a contact is pressed in a
+corner (c = 0), of which Eq. 32 says nothing any more.
+
+=======  ==================================================  ======  ===============================
+letter   what it is                                          shape   in the code
+=======  ==================================================  ======  ===============================
+c_T      torsion arm (Eq. 16), a length                      (n,)    contacts.torsion_arm
+c        torsion arm left by the eccentricity, over c_T      (n,)    Eccentricity.arm
+e1, e2   pressure centre along t1 and t2, or its             (n,)    Eccentricity.e1, .e2
+         magnitudes, over c_T
+tau      torsion over c_T c, a force                         (n,)    unknown "tau"
+mu       friction coefficient                                (n,)    contacts.friction
+=======  ==================================================  ======  ===============================
+
+In :class:`Pressed` centres and spreads are lengths, and so is e there.
 """
 
 from __future__ import annotations
@@ -20,8 +34,9 @@ from cvxlimit.surfaces.cones import Cone
 
 @dataclass(frozen=True, eq=False)
 class Eccentricity:
-    """Where contacts press (n,), as fractions of c_T: the effective torsion arm c, and the arms
-    ``e1`` of V2 and ``e2`` of V1, the pressure centre along t1 and t2 or its magnitudes."""
+    """Where contacts are pressed, as fractions of c_T: the torsion arm c that is left, ``arm``
+    (n,), and the pressure centre along t1 and t2 or its magnitudes, ``e1`` and ``e2`` (n,), which
+    are the arms of V2 and of V1."""
 
     arm: FloatArray
     e1: FloatArray
@@ -29,9 +44,11 @@ class Eccentricity:
 
 
 class Frozen(YieldSurface):
-    """A surface that depends on where contacts are pressed. ``shares`` are the coefficients in
-    unknowns of its own, which :meth:`unknowns` needs: numbers, or CVXPY Parameters in their
-    place."""
+    """A surface that depends on where contacts are pressed.
+
+    ``shares`` are the coefficients by name that :meth:`unknowns` needs: arrays (n,), or CVXPY
+    Parameters in their place.
+    """
 
     shares: dict[str, Coefficient]
 
@@ -40,7 +57,7 @@ class Pressed(Frozen):
     """Contacts pressed at ``centre`` (n, 2), or up to ``spread`` (n, 2) from there:
     abs(M2 + e1 N) <= spread1 N, abs(M1 - e2 N) <= spread2 N.
 
-    Inside the true condition wherever torque and arm are those of its farthest point.
+    It is inside the true condition wherever torque and arm are those of its farthest point.
     """
 
     name = "pressed"
@@ -57,7 +74,8 @@ class Pressed(Frozen):
         return [Condition([Norm(row)], {"N": r}) for row, r in zip(rows, self._reach, strict=True)]
 
     def unknowns(self, contacts: Contacts) -> Unknowns:
-        """M2 = -e1 N + spread1 p1 with abs(p1) <= N."""
+        """Returns unknowns p1 and p2 in place of M2 and M1: M2 = -e1 N + spread1 p1 with
+        abs(p1) <= N, and M1 = e2 N + spread2 p2."""
         s = self.shares
         gives = {"M1": {"N": s["centre2"]}, "M2": {"N": product(-1.0, s["centre1"])}}
         if "spread1" not in s:
@@ -67,6 +85,7 @@ class Pressed(Frozen):
 
     @property
     def _reach(self) -> list[Coefficient]:
+        """The spread along t1 and t2; zero without one."""
         return [self.shares.get(name, 0.0) for name in ("spread1", "spread2")]
 
 
@@ -99,11 +118,13 @@ class TorsionShearBending(Frozen):
 
     @classmethod
     def shares_of(cls, at: Eccentricity) -> dict[str, FloatArray]:
-        """All in [0, 1] for any arm, zero included."""
+        """Returns c, k1 = e1 / (c + e1) and k2 = e2 / (c + e2), all in [0, 1] for any arm, zero
+        included."""
         return {"arm": at.arm, "k1": _share(at.e1, at.arm), "k2": _share(at.e2, at.arm)}
 
     def unknowns(self, contacts: Contacts) -> Unknowns:
-        """V1 = (1 - k2) v1 with k2 = e2 / (c + e2), so that e2 abs(V1) / c is k2 abs(v1)."""
+        """Returns unknowns v1, v2 and tau. V1 = (1 - k2) v1 with k2 = e2 / (c + e2), so that
+        e2 abs(V1) / c is k2 abs(v1); V2 likewise."""
         arm, k1, k2 = (self.shares[name] for name in ("arm", "k1", "k2"))
         components = {
             "V1": {"v1": 1.0 - k2},
@@ -128,11 +149,12 @@ class SignedTorsionShearBending(TorsionShearBending):
 
     @classmethod
     def shares_of(cls, at: Eccentricity) -> dict[str, FloatArray]:
-        """The eccentricity as it is."""
+        """Returns the eccentricity as it is."""
         return {**vars(at)}
 
     def unknowns(self, contacts: Contacts) -> Unknowns:
-        """MT = c_T (c tau + e1 V2 - e2 V1): torsion about the pressure centre is c_T c tau."""
+        """Returns the unknown tau beside V1 and V2: MT = c_T (c tau + e1 V2 - e2 V1), so that the
+        torsion about the pressure centre is c_T c tau."""
         each = {"tau": self.shares["arm"], "V2": self.shares["e1"], "V1": self.shares["e2"]}
         size, sign = contacts.torsion_arm, {"V1": -1.0}
         components = {
@@ -155,7 +177,8 @@ class LimitedTorsionShearBending(SignedTorsionShearBending):
 
     @classmethod
     def shares_of(cls, at: Eccentricity) -> dict[str, FloatArray]:
-        """Direction (u1, u2) of the eccentricity e, k = e / (c + e), and (u1, u2) (1 - k)."""
+        """Returns c, k = e / (c + e), the direction (u1, u2) of the eccentricity e, and (r1, r2) =
+        (1 - k) (u1, u2)."""
         size = np.hypot(at.e1, at.e2)
         k, unit = _share(size, at.arm), np.where(size > 0.0, size, 1.0)
         u1, u2 = np.where(size > 0.0, at.e1 / unit, 1.0), at.e2 / unit
@@ -163,8 +186,8 @@ class LimitedTorsionShearBending(SignedTorsionShearBending):
         return {"arm": at.arm, "k": k, "u1": u1, "u2": u2, "r1": rest * u1, "r2": rest * u2}
 
     def unknowns(self, contacts: Contacts) -> Unknowns:
-        """Shear along the eccentricity, and across it, which has torsion about the pressure centre:
-        (1 - k) across, so that its torque over c is k across."""
+        """Returns unknowns for shear along the eccentricity and across it, and tau. The shear
+        across is (1 - k) times its unknown, so that its torque over c is k times the unknown."""
         s = self.shares
         components = {
             "V1": {"along": s["u1"], "across": product(-1.0, s["r2"])},
@@ -181,9 +204,11 @@ class LimitedTorsionShearBending(SignedTorsionShearBending):
 
 
 def _share(e: FloatArray, arm: FloatArray) -> FloatArray:
+    """Returns e / (e + arm), and zero where both are zero."""
     total = e + arm
     return np.where(total > 0.0, e / np.where(total > 0.0, total, 1.0), 0.0)
 
 
 def _coulomb(contacts: Contacts) -> Condition:
+    """Returns abs(V) <= mu N."""
     return Condition([Norm({"V1": 1}, {"V2": 1})], {"N": contacts.friction})
