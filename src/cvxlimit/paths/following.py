@@ -70,7 +70,8 @@ slide, which change their pace as they like."""
 
 @dataclass(frozen=True, eq=False)
 class _At:
-    """A configuration, the pose it is at, and the gap that its slips have opened."""
+    """A configuration (``shown``), its pose, the gap that its slips have opened (``loose``,
+    length), and whether any joint slid."""
 
     pose: Pose
     shown: Configuration
@@ -80,7 +81,8 @@ class _At:
 
 @dataclass(frozen=True, eq=False)
 class _Failed:
-    """Why no equilibrium was found at w, and what moved in the last iterate (free blocks,)."""
+    """An equilibrium that was not found at ``w``: how the path ends there, and how far each free
+    block ``moved`` in the last iterate (free blocks,)."""
 
     w: float
     kind: Ending
@@ -88,7 +90,7 @@ class _Failed:
 
 
 class Walk:
-    """One path: what it has found so far, and how it goes on."""
+    """A path under way: the configurations so far, and the steps that lead on."""
 
     def __init__(
         self, scene: Scene, certify: str, reach: float, tell: Callable[[str], None], flow: Flow
@@ -108,7 +110,7 @@ class Walk:
         self.step = 0.0
 
     def first(self) -> _At | _Failed:
-        """The scene as it is given, at the largest load factor."""
+        """Returns the configuration of the scene as given, at the largest load factor."""
         pose = self.begin.pose
         points = self.begin.points(pose)
         points = points.take(points.gap <= CLOSED * self.size)
@@ -122,8 +124,8 @@ class Walk:
         return self._shown(pose, points, answer, 0.0, 0.0, 1, loss)
 
     def settle(self, start: _At, w: float) -> _At | _Failed:
-        """The equilibrium at ``w`` that the iterates from ``start`` lead to. Where nothing slides,
-        one without dilatancy is associated, in half the time."""
+        """Returns the equilibrium at ``w`` to which the iterates from ``start`` lead. Where nothing
+        slides the associated one is also one without dilatancy, in half the time."""
         if self.has_dilatancy or not start.slides:
             found = self._associated(start, w)
             if self.has_dilatancy or (isinstance(found, _At) and not found.slides):
@@ -135,8 +137,8 @@ class Walk:
         return self.begin if is_first else Start.at(self.facets, at.pose, at.loose)
 
     def _moved(self, answer: Found) -> tuple[FloatArray, float]:
-        """How far an increment moves each block, and the least share of it that no tangent says
-        anything of."""
+        """Returns how far an increment moves each free block (length), and the largest share of it
+        for which its linearisation holds."""
         turned = np.linalg.norm(answer.d[:, 3:], axis=1)
         moved = np.linalg.norm(answer.d[:, :3], axis=1) + turned * self.radius
         return moved, _TURN / max(float(turned.max()), 1e-300)
@@ -146,6 +148,7 @@ class Walk:
         return _Failed(w, "blocked" if is_blocked else "falls", moved)
 
     def _associated(self, start: _At, w: float) -> _At | _Failed:
+        """Returns the equilibrium at ``w`` with dilatancy, where an increment moves nothing."""
         begin, pose, before, step, last = self._start(start), start.pose, np.inf, 1.0, None
         moved = np.zeros(len(self.scene.free))
         for iterate in range(1, _MANY + 1):
@@ -176,9 +179,9 @@ class Walk:
         return _Failed(w, "not-converged" if size < 0.1 else "falls", moved)
 
     def _without_dilatancy(self, start: _At, w: float) -> _At | _Failed:
-        """Friction at the slips so far, then slips with friction held at these forces: on exact
-        geometry each pair of problems once. Where slips still turn after some iterates, the one
-        whose friction lacks least of acting against them."""
+        """Returns the equilibrium at ``w`` without dilatancy. Every iterate solves two problems on
+        exact geometry: friction for the slips so far, then displacements with friction of these
+        forces. Where slips keep changing direction the iterate with the least loss counts."""
         begin, pose, size = self._start(start), start.pose, np.inf
         moved, best = np.zeros(len(self.scene.free)), None
         work = abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
@@ -225,7 +228,7 @@ class Walk:
         return _At(pose, shown, *self._slid(shown))
 
     def _slid(self, shown: Configuration) -> tuple[float, bool]:
-        """The widest gap that slips have opened at points that bear, and whether any slid."""
+        """Returns the widest gap opened by slips at points that bear, and whether any slid."""
         points, n = shown.points, shown.forces[:, 0]
         bears = n > CLOSED * n.max(initial=0.0)
         is_opened = bears & (points.distance <= CLOSED * self.size) & self.has_dilatancy
@@ -234,7 +237,7 @@ class Walk:
         return float(opened.max(initial=0.0)), bool((slip > CLOSED * self.size).any())
 
     def resume(self, path: Path) -> None:
-        """Take over what a path has found, to go on from its end."""
+        """Take over the configurations of a path, to go on from its end."""
         free, self.snaps, self.step = self.scene.free, [*path.snaps], path.step
         for shown in path:
             ways = np.array([shown.displacements[self.scene.blocks[i].id] for i in free])
@@ -250,12 +253,13 @@ class Walk:
         return replace(found, shown=replace(shown, bracket=bracket, widest_gap=widest))
 
     def keep(self, found: _At) -> None:
+        """Add a configuration to the path, with its bracket if all are to have one."""
         found = self.proved(found) if self.certify == "all" else found
         self.found.append(found)
         self.tell(f"w = {found.shown.w:.6g}: load factor {found.shown.load_factor:.6g}")
 
     def distance(self, one: _At, other: _At) -> float:
-        """How far any block has moved between two configurations."""
+        """Returns how far any block has moved between two configurations (length)."""
         free = self.scene.free
         shift = np.linalg.norm(one.pose.shift[free] - other.pose.shift[free], axis=1)
         turn = np.linalg.norm(one.pose.turn[free] - other.pose.turn[free], axis=(1, 2))
@@ -264,8 +268,8 @@ class Walk:
     def walk(
         self, step: float | None, until: float, marks: FloatArray | None = None
     ) -> tuple[Ending, str]:
-        """Go on until the path ends; how, and in words. With ``marks``, from one of these w to the
-        next, and by ``step`` beyond the last."""
+        """Go on until the load factor is ``until`` or the path ends otherwise, and return how and
+        why. Steps lead from one of the ``marks`` (w) to the next, and are ``step`` beyond them."""
         if not self.found:
             first = self.first()
             if isinstance(first, _Failed):
@@ -277,6 +281,7 @@ class Walk:
         h = h if marks is None else self._to_next(marks)
         pace = np.inf
         while len(self.found) <= _MOST:
+            # One step, halved where no equilibrium is found.
             here = self.found[-1]
             there = self.settle(here, here.shown.w + h)
             if isinstance(there, _Failed):
@@ -284,6 +289,7 @@ class Walk:
                 if h < _FINEST * self.step:
                     return there.kind, self._why(there)
                 continue
+            # A jump on the way is enclosed, and both its ends belong to the path.
             jump = self._jump(here, there) if self._may_have_jumped(here, there, pace) else None
             if jump is not None:
                 low, high = jump
@@ -297,6 +303,7 @@ class Walk:
                     return "zero", f"the load factor drops below {until:g} in a snap"
                 pace = np.inf
                 continue
+            # The end is placed where the load factor is the one asked for.
             pace = self.distance(here, there) / h
             if there.shown.load_factor <= until + self.enough(there):
                 end = self._end(here, there, until)
@@ -319,14 +326,14 @@ class Walk:
         return "steps", f"{_MOST} configurations did not bring the load factor down to {until:g}"
 
     def _to_next(self, marks: FloatArray) -> float:
-        """From here to the next mark that is farther off than a jump."""
+        """Returns the distance from here to the next mark that is farther off than a jump."""
         ahead = marks - self.found[-1].shown.w
         ahead = ahead[ahead > _FINEST * self.step]
         return float(ahead[0]) if len(ahead) else self.step
 
     def _may_have_jumped(self, here: _At, there: _At, pace: float) -> bool:
-        """Where blocks moved farther than at the pace so far, or the dead load's rise is not the
-        work that the load factors at both ends stand for."""
+        """Returns whether blocks moved much farther than at the ``pace`` so far, or the dead load's
+        rise differs from the work that the load factors at both ends stand for."""
         ahead = _JUMP if there.slides else _AHEAD
         if self.distance(here, there) > ahead * pace * (there.shown.w - here.shown.w):
             return True
@@ -338,8 +345,8 @@ class Walk:
         return abs(rise - area) > 0.01 * way * abs(self.found[0].shown.load_factor)
 
     def _jump(self, low: _At, high: _At) -> tuple[_At, _At] | None:
-        """The last configuration before a jump and the first after it, if there is one: halves in
-        which more happens are halved again. What is smooth spreads over all sixteenths."""
+        """Returns the last configuration before a jump and the first after it, if there is one: the
+        half in which more happens is halved again. Smooth changes spread over all sixteenths."""
 
         def happens(one: _At, other: _At) -> FloatArray:
             fall = abs(one.shown.load_factor - other.shown.load_factor)
@@ -358,12 +365,12 @@ class Walk:
         return low, high
 
     def enough(self, found: _At) -> float:
-        """How near to its end a path has to come."""
+        """Returns how near to its end a path has to come, as a difference of load factors."""
         share = SLIDING if found.slides else 0.1 * ZERO
         return share * abs(self.found[0].shown.load_factor)
 
     def _end(self, here: _At, there: _At, until: float) -> _At:
-        """The configuration between two at which the load factor is ``until``."""
+        """Returns the configuration between two whose load factor is ``until``, or the nearest."""
         if there.shown.load_factor >= until - self.enough(there):
             return there
         found = {x.shown.w: x for x in (here, there)}
@@ -383,6 +390,7 @@ class Walk:
         return min(found.values(), key=lambda x: abs(x.shown.load_factor - until))
 
     def _why(self, failed: _Failed) -> str:
+        """Returns a sentence about a failure, with the blocks that move most."""
         ids = [self.scene.blocks[i].id for i in self.scene.free]
         order = np.argsort(-failed.moved, kind="stable")[:3]
         named = [ids[i] for i in order.tolist() if failed.moved[i] > 0.3 * failed.moved.max()]
@@ -394,8 +402,8 @@ class Walk:
         return f"{what} beyond w = {self.found[-1].shown.w:.6g}{who}"
 
     def work(self) -> Work:
-        """Area and potential over the stretches between jumps, whose two ends are nearer to each
-        other than the finest step."""
+        """Returns the area under the curve and the potential, over the stretches between jumps; the
+        two ends of a jump are nearer to each other than the finest step."""
         area = potential = 0.0
         w = np.array([x.shown.w for x in self.found])
         alpha = np.array([x.shown.load_factor for x in self.found])
@@ -411,9 +419,9 @@ class Walk:
 
 
 def configuration_at(path: Path, displacement: float) -> Configuration:
-    """The configuration of a path where ``path.displacement`` first is so much, found anew between
-    two that are known; the second of them after a snap, and where iterates between do not settle,
-    as they may not where joints slide: it carries less."""
+    """Returns the configuration where ``path.displacement`` first reaches ``displacement``, solved
+    for between two of the path. After a snap, and where iterates between do not settle, as may
+    happen where joints slide, it is the second of these, which carries less."""
     after = int(np.flatnonzero(path.displacement >= displacement)[0])
     there = path[after]
     same = path.displacement[after] - displacement <= _STILL * path.scene.contacts.typical_size

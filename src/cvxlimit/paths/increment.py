@@ -13,6 +13,19 @@ held at their compressions, |v_i| <= mu_i n_i': g_i + (A'd)_n >= 0. The loss
     sum g_i n_i + mu_i n_i |tau_i| + tau_i . v_i
 
 is never negative, and zero where every point that bears is closed, and slides against its friction.
+
+======== ====================== ==================================================================
+letter   name                   meaning
+======== ====================== ==================================================================
+alpha    ``Found.load_factor``  load factor, the multiplier of the live load's movement
+Delta    ``push``               how far the live load has yet to move, times the load (work)
+x        ``Found.forces``       (k, 3): compression n >= 0 and friction v1, v2 at each point (force)
+d        ``Found.d``            (free blocks, 6): displacement and rotation vector of each block
+g        ``points.gap``         (k,): distance along the normal, negative where blocks overlap
+tau      ``points.slip``        (k, 2): slip along t1 and t2 since the step's start (length)
+mu       ``points.friction``    (k,): Coulomb coefficient
+A(q)                            equilibrium at the pose q; A'd are relative displacements at points
+======== ====================== ==================================================================
 """
 
 from __future__ import annotations
@@ -53,9 +66,12 @@ over its gap at most, which is what keeps the load factor of a hinge from being 
 def point_forces(
     contacts: Contacts, is_stated: bool = False, held: FloatArray | None = None
 ) -> ForceModel:
-    """Compression n and friction mu v at every point, each within its own cone, |v| <= n: with
-    friction of 1e-9, |v| <= mu n would lose n >= 0. Where it ``is_stated``, that says n >= 0
-    already; certificates are told besides. In a cylinder |v| <= held (k,) if given."""
+    """Returns the model of forces at points: compression n and friction mu v within |v| <= n.
+
+    With v scaled by mu the cone implies n >= 0 however small the friction is. ``is_stated`` says
+    that the cone is a row of the problem, so that n >= 0 needs none; certificates have it besides.
+    If ``held`` (k,) is given, friction is limited by |v| <= held instead.
+    """
     each, mu = np.arange(len(contacts)), contacts.friction
     parts = [Part("n", {"N": 1}, each, nonneg=not is_stated), Part("v1", {"V1": mu}, each),
              Part("v2", {"V2": mu}, each)]  # fmt: skip
@@ -71,25 +87,26 @@ class Loads:
 
     @cached_property
     def _actions(self) -> list[Any]:
+        """Forces of the dead and of the live load on free blocks, with their points of action."""
         free = [self.scene.blocks[i] for i in self.scene.free]
         return [load.actions(free) for load in (self.scene.dead, self.scene.live)]
 
     def at(self, pose: Pose) -> tuple[FloatArray, FloatArray]:
-        """(6 free blocks,) of the dead and of the live load, about the moved centroids."""
-        found = []
+        """Returns the dead and the live load (6 free blocks,) about the moved centroids."""
+        both = []
         for what in self._actions:
             block = self.scene.free[what.block]
             arm = pose.placed(block, what.at) - pose.middle[block]
             turning = what.moment + np.cross(arm, what.force)
             load = np.zeros((len(self.scene.free), DOF))
             np.add.at(load, what.block, np.concatenate([what.force, turning], axis=1))
-            found.append(load.ravel())
-        return found[0], found[1]
+            both.append(load.ravel())
+        return both[0], both[1]
 
     def work(self, pose: Pose) -> tuple[float, float]:
-        """Of the dead and of the live load on the way from the blocks' first places; of moments,
-        which do not turn with the blocks, on the rotation vectors."""
-        found = []
+        """Returns the work of the dead and of the live load from the first pose to this one; that
+        of moments, which do not turn with the blocks, is taken on the rotation vectors."""
+        both = []
         for what in self._actions:
             block = self.scene.free[what.block]
             way = pose.placed(block, what.at) - what.at
@@ -97,13 +114,13 @@ class Loads:
             if what.moment.any():
                 turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
                 work += float((what.moment * turn).sum())
-            found.append(work)
-        return found[0], found[1]
+            both.append(work)
+        return both[0], both[1]
 
     @cached_property
     def size(self) -> float:
-        """Sum of the live load's forces: its work over this is w. Of moments alone, over the
-        contact size."""
+        """Sum of the sizes of the live load's forces, by which its work is divided for w; for
+        moments alone their sum over the contact size."""
         live = self._actions[1]
         force = float(np.linalg.norm(live.force, axis=1).sum())
         moment = float(np.linalg.norm(live.moment, axis=1).sum())
@@ -112,9 +129,12 @@ class Loads:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Answer of an increment: the load factor, forces (k, 3) at the points, and the displacement d
-    (free blocks, 6) to the next iterate. ``way`` are points on the solver's way to it, nearest
-    first, ``duals`` (equations,) what d is made of."""
+    """The answer of an increment.
+
+    ``forces`` (k, 3) are n, v1, v2 at the points and ``d`` (free blocks, 6) is the displacement to
+    the next iterate, which the program's ``duals`` (equations,) state; ``way`` are the solver's
+    iterates, those closest to the solution first.
+    """
 
     outcome: Outcome
     load_factor: float
@@ -125,8 +145,8 @@ class Found:
 
 
 class Near(NamedTuple):
-    """Where an iterate begins: the answer before, by which share of its d blocks have moved, and
-    numbers of its points and of those now, which ascend."""
+    """Where an iterate starts from: the answer before (``found``), the ``share`` of its d by which
+    blocks have moved, and ascending numbers of the points ``before`` and ``now``."""
 
     found: Found
     share: float
@@ -134,8 +154,12 @@ class Near(NamedTuple):
     now: IntArray
 
     def starts(self, program: ConeProgram) -> list[Point]:
-        """Its way, moved along: openings are nearly what they were, now of gaps and of the rates
-        that are left. They are computed anew and lifted to as far inside as they were."""
+        """Returns starting points for the solver: the iterates of the answer before, adapted.
+
+        Openings of points follow from the new gaps and the part of d that is left. They are raised
+        to be as far inside their cones as they were; forces of new points are chosen on the central
+        path.
+        """
         place = np.searchsorted(self.before, self.now).clip(max=len(self.before) - 1)
         k, is_new = len(place), self.before[place] != self.now
         of_forces, result = program.matrix[: program.zero, : 3 * k].T, []
@@ -156,12 +180,13 @@ class Near(NamedTuple):
 
 
 def _inside(cones: FloatArray) -> FloatArray:
-    """How far inside their cones points (k, 3) are."""
+    """Returns how far inside their cones vectors (k, 3) are: first entry less norm of the
+    others."""
     return np.asarray(cones[:, 0] - np.linalg.norm(cones[:, 1:], axis=1))
 
 
 class Increment:
-    """Mechanics of one iterate: blocks at a pose, points, loads.
+    """The convex problems of one iterate, for blocks at a pose with points and loads.
 
     ``push`` is by how much the live load has yet to move, times the load: a number, or a CVXPY
     Parameter, as ``gap`` (k,) and ``slip`` (k, 2) in ``goal`` may be.
@@ -169,6 +194,7 @@ class Increment:
 
     def __init__(self, scene: Scene, points: Points, pose: Pose, loads: Loads) -> None:
         self.points, n = points, len(points)
+        # Every point is a contact of one corner.
         size = scene.contacts.typical_size
         contacts = Contacts(
             names=tuple(f"point {i}" for i in range(n)),
@@ -194,11 +220,14 @@ class Increment:
         )
 
     def problem(self, goal: Goal = LARGEST_FACTOR, held: FloatArray | None = None) -> LimitProblem:
+        """Returns the problem with a ``goal``, and with friction limited by ``held`` (k,) if
+        given."""
         formulation = partial(point_forces, is_stated=held is None, held=held)
         return LimitProblem(self.assemblage, [Rocking()], formulation=formulation, goal=goal)
 
     def goal(self, push: Any, gap: Any, slip: tuple[Any, Any]) -> Callable[[Stated], Any]:
-        """What is maximised, over units of force and length, to either sink."""
+        """Returns the function that states the objective of the module's text, in units of the
+        scaling."""
         scaling, mu = self.assemblage.scaling, self.points.friction
         unit = scaling.length
 
@@ -206,8 +235,8 @@ class Increment:
             factor = scaling.load_factor(1.0) / (scaling.force * unit)
             goal = times(factor * push, found.factor)
             at = np.zeros(len(mu), np.int64)
-            given: Any = zip(("n", "v1", "v2"), (gap, *slip), (1.0, mu, mu), strict=True)
-            for name, lack, weight in given:
+            terms: Any = zip(("n", "v1", "v2"), (gap, *slip), (1.0, mu, mu), strict=True)
+            for name, lack, weight in terms:
                 own = found.forces[name]
                 goal = goal - gathered(times(product(weight / unit, lack), own), at, 1)
             return goal
@@ -215,31 +244,36 @@ class Increment:
         return stated
 
     def solve(self, push: float | None, near: Near | None = None) -> Found | Outcome:
-        """The answer, or what the last solver said where none has one; with nothing to ``push``
-        towards, the largest load factor, whose d is a rate."""
+        """Returns the answer, or the last solver's outcome if none has one. With ``push`` None it
+        is the largest load factor, and d is a rate."""
         if push is None:
             return self._run(self.problem(), LADDER)
         return self._run(self.problem(self._given(push, self.points.gap)), self._ladder, near)
 
     def priced(self, push: float, slides: FloatArray) -> Found | Outcome:
-        """Forces without dilatancy, for slips of the sizes ``slides`` (k,)."""
+        """Returns forces without dilatancy, for slips of the sizes ``slides`` (k,)."""
         gap = self.points.gap + self.points.friction * slides
         return self._run(self.problem(self._given(push, gap)), self._ladder)
 
     def held(self, push: float, n: FloatArray) -> Found | Outcome:
-        """Displacements without dilatancy, with friction held at compressions n (k,)."""
+        """Returns displacements without dilatancy, with friction limited by compressions ``n``
+        (k,)."""
         goal = self._given(push, self.points.gap)
         return self._run(self.problem(goal, np.maximum(n, 0.0)), self._ladder)
 
     def rates_without_dilatancy(
         self, push: float, enough: float, most: int = 20
     ) -> tuple[Found | Outcome, float]:
-        """At rest, where all points are closed and nothing has slid: the pairs of problems again
-        and again until the loss, here over the live load's work, is no more than ``enough``, and
-        that loss."""
+        """Returns forces and rates at rest without dilatancy, and their loss over the live load's
+        work.
+
+        The pair of problems is repeated, up to ``most`` times, until the loss is at most
+        ``enough``; the answer with the least loss counts.
+        """
         best: tuple[Found | Outcome, float] = Outcome("no answer", 0.0, 0.0), np.inf
         slides = np.full(len(self.points), push)
         for _ in range(most):
+            # Forces for the slips so far, then displacements with friction of these forces.
             answer = moved = self.priced(push, slides)
             if isinstance(answer, Found):
                 moved = self.held(push, answer.forces[:, 0])
@@ -256,26 +290,28 @@ class Increment:
         return best
 
     def _given(self, push: float, gap: FloatArray) -> Callable[[Stated], Any]:
+        """Returns the goal of moving by ``push`` with gaps (k,), and the slips of the points."""
         slip = self.points.slip
         return self.goal(push, gap, (slip[:, 0], slip[:, 1]))
 
     @property
     def _ladder(self) -> tuple[SolverSettings, ...]:
+        """The solvers of an iterate, the last of which is Clarabel."""
         return (*blockwise(max(_GAP * len(self.points), 1e-12)), LADDER[-1])
 
     def _run(
         self, problem: LimitProblem, ladder: Sequence[SolverSettings], near: Near | None = None
     ) -> Found | Outcome:
         scaling, mu, program = self.assemblage.scaling, self.points.friction, problem.program
-        kept: dict[str, Any] = {"starts": [] if near is None else near.starts(program)}
+        memory: dict[str, Any] = {"starts": [] if near is None else near.starts(program)}
         for settings in ladder:
-            outcome, x, y = program.solve(settings, kept, is_warm=False)
+            outcome, x, y = program.solve(settings, memory, is_warm=False)
             state = problem.state(outcome, x, y)
             if y is not None and state.mechanism is not None and state.internal is not None:
                 n, v1, v2 = state.internal.reshape(3, -1)
                 forces = np.stack([n, mu * v1, mu * v2], axis=1)
                 d = state.mechanism * (scaling.live * scaling.length)
-                way = tuple(at for _, at in sorted(kept.get("way", {}).items()))
+                way = tuple(at for _, at in sorted(memory.get("way", {}).items()))
                 return Found(outcome, float(state.load_factor or 0.0), forces, d, way, y)
             if outcome.claims_no_optimum:
                 break

@@ -1,4 +1,4 @@
-"""Pairs of facets that may meet: what persists while blocks move, where contacts come and go."""
+"""Poses of blocks, and pairs of facets that may meet: they persist while contacts come and go."""
 
 from __future__ import annotations
 
@@ -19,13 +19,18 @@ from cvxlimit.paths.path import rotation
 from cvxlimit.scene import Scene
 
 OPPOSED = -0.5
-"""Cosine between normals of facets that may meet, at most: within 60 degrees of face to face."""
+"""Largest cosine between normals of facets that may meet: they face each other within 60
+degrees."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where all blocks (B,) are: x -> centroid + shift + turn @ (x - centroid) of their places at
-    first."""
+    """The places of all B blocks: x -> centroid + shift + turn @ (x - centroid), from where they
+    were at first.
+
+    ``centroid`` (B, 3) are the first centroids, ``shift`` (B, 3) their translations and ``turn``
+    (B, 3, 3) rotation matrices.
+    """
 
     centroid: FloatArray
     shift: FloatArray
@@ -33,29 +38,34 @@ class Pose:
 
     @classmethod
     def first(cls, scene: Scene) -> Self:
+        """Returns the pose of the scene as given."""
         centroid = np.array([block.centroid for block in scene.blocks])
         return cls(centroid, np.zeros_like(centroid), np.tile(np.eye(3), (len(centroid), 1, 1)))
 
     @property
     def middle(self) -> FloatArray:
-        """Centroids where they are now (B, 3)."""
+        """The centroids (B, 3) in this pose."""
         return self.centroid + self.shift
 
     def placed(self, block: IntArray, x: FloatArray) -> FloatArray:
-        """Where points x (k, 3) of blocks (k,) are that were there at first."""
+        """Returns where points of blocks (k,) are in this pose that were at ``x`` (k, 3) at
+        first."""
         arm = np.einsum("kij,kj->ki", self.turn[block], x - self.centroid[block])
         return np.asarray(self.middle[block] + arm)
 
     def origin(self, block: IntArray, x: FloatArray) -> FloatArray:
-        """Where points of blocks were at first that are at x (k, 3) now."""
+        """Returns where points of blocks (k,) were at first that are at ``x`` (k, 3) in this
+        pose."""
         arm = np.einsum("kji,kj->ki", self.turn[block], x - self.middle[block])
         return np.asarray(self.centroid[block] + arm)
 
     def turned(self, block: IntArray, vector: FloatArray) -> FloatArray:
+        """Returns vectors (k, 3) of blocks (k,) rotated with them."""
         return np.asarray(np.einsum("kij,kj->ki", self.turn[block], vector))
 
     def moved(self, blocks: IntArray, d: FloatArray) -> Pose:
-        """After finite displacements d (k, 6) of some blocks: rotated by exp, then shifted."""
+        """Returns the pose after finite displacements ``d`` (k, 6) of some blocks: translations of
+        their centroids and rotation vectors."""
         shift, turn = self.shift.copy(), self.turn.copy()
         shift[blocks] += d[:, :3]
         turn[blocks] = rotation(d[:, 3:]) @ turn[blocks]
@@ -64,7 +74,7 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """P pairs of facets, a and b, where the blocks were at first.
+    """The P pairs of facets, a and b, with the blocks where they were at first.
 
     ``normal`` and ``plane`` (2, P, 3) are of both sides' planes, ``block`` (2, P) their blocks. The
     E edges of each side's outlines stand pair by pair, each of its ``pair`` (E,), from a corner
@@ -82,13 +92,29 @@ class Pairs:
 
     @cached_property
     def couples(self) -> tuple[IntArray, IntArray]:
-        """Every edge of side a with every edge of side b of the same pair."""
+        """Numbers (k,), (k,) of every edge of side a with every edge of side b of the same pair."""
         begin = np.searchsorted(self.pair[1], np.arange(self.block.shape[1]))
         return members_of(begin, len(self.pair[1]), self.pair[0])
 
 
 class Facets:
-    """Planar facets of all blocks of a scene, of any polygons, where the blocks are at first."""
+    """The F planar facets of all blocks of a scene, with the blocks where they are at first.
+
+    Attributes
+    ----------
+    block : (F,) array of int
+        Block of each facet.
+    normal, plane : (F, 3) arrays
+        Outward normal, and a point of the plane.
+    start : (F + 1,) array of int
+        Number of each facet's first edge.
+    tail, head, beside : (E, 3) arrays
+        Ends of every edge, and the normal of the face beyond it.
+    reach : float
+        How far apart facets may be to meet (length).
+    closed : array of int
+        Keys of the pairs of facets whose gaps are counted from their common plane.
+    """
 
     def __init__(self, scene: Scene, reach: float) -> None:
         self.scene, self.reach, self.size = scene, reach, scene.contacts.typical_size
@@ -109,18 +135,20 @@ class Facets:
         self.thickness = np.array([block.thickness for block in scene.blocks])
 
     def close(self, a: IntArray, b: IntArray) -> None:
-        """Count gaps of these pairs of facets (k,), (k,) from their common plane."""
+        """Count the gaps of pairs of facets ``a`` and ``b`` (k,) from their common plane from now
+        on."""
         self.closed = self._key(a, b)
 
     def _key(self, a: IntArray, b: IntArray) -> IntArray:
+        """Returns one number (k,) for each pair of facets."""
         return a * len(self.block) + b
 
     def allowed(self, a: IntArray, b: IntArray) -> FloatArray:
-        """Joint tolerance of pairs of facets."""
+        """Returns the joint tolerances (k,) of pairs of facets (length)."""
         return np.minimum(self.tolerance[self.block[a]], self.tolerance[self.block[b]])
 
     def friction(self, a: IntArray, b: IntArray) -> FloatArray:
-        """Of pairs of blocks (k,), (k,): the scene's, or that of the pair."""
+        """Returns the friction (k,) of pairs of blocks: the pair's own, or else the scene's."""
         result = np.full(len(a), float(self.scene.friction))
         number = {block.id: i for i, block in enumerate(self.scene.blocks)}
         for names, value in self.scene.contact_friction.items():
@@ -129,8 +157,11 @@ class Facets:
         return result
 
     def near(self, pose: Pose) -> tuple[IntArray, IntArray]:
-        """Facets (k,), (k,) of different blocks, normals opposed, boxes within reach of each other,
-        neither wholly behind the other's plane."""
+        """Returns the pairs of facets (k,), (k,) of different blocks that may meet at a pose.
+
+        Their normals are opposed, their bounding boxes within reach of each other, and neither lies
+        wholly behind the other's plane.
+        """
         placed = [pose.placed(np.full(len(v), i), v) for i, v in enumerate(self.vertices)]
         margin = np.full(len(placed), 0.5 * self.reach)
         begin = np.searchsorted(self.block, np.arange(len(placed)))
@@ -139,7 +170,8 @@ class Facets:
         corners = pose.placed(edge_block, self.tail)
         low = np.minimum.reduceat(corners, self.start[:-1])
         high = np.maximum.reduceat(corners, self.start[:-1])
-        found = [np.zeros((2, 0), np.int64)]
+        # Blocks near each other, then their facets by normals and boxes, then by planes.
+        pairs = [np.zeros((2, 0), np.int64)]
         for one, other in nearby_pairs(placed, margin):
             free = ~(self.is_fixed[one] & self.is_fixed[other])
             of, a = members_of(begin, len(self.block), one[free])
@@ -149,8 +181,8 @@ class Facets:
             a, b = a[is_near], b[is_near]
             is_near = (low[a] <= high[b] + self.reach).all(1)
             is_near &= (low[b] <= high[a] + self.reach).all(1)
-            found.append(np.stack([a[is_near], b[is_near]]))
-        a, b = np.concatenate(found, axis=1)
+            pairs.append(np.stack([a[is_near], b[is_near]]))
+        a, b = np.concatenate(pairs, axis=1)
         is_before = self._before(a, b, normal, corners) & self._before(b, a, normal, corners)
         is_before |= np.isin(self._key(a, b), self.closed)
         return a[is_before], b[is_before]
@@ -158,7 +190,8 @@ class Facets:
     def _before(
         self, a: IntArray, b: IntArray, normal: FloatArray, corners: FloatArray
     ) -> BoolArray:
-        """Where some corner of facet b is before the plane of a, by more than rounding behind."""
+        """Returns where (k,) some corner of facet b lies before the plane of a, within the
+        tolerance."""
         of, place = members_of(self.start[:-1], len(self.tail), b)
         depth = np.einsum("ex,ex->e", corners[place] - corners[self.start[a[of]]], normal[a[of]])
         most = np.full(len(a), -np.inf)
@@ -166,7 +199,8 @@ class Facets:
         return np.asarray(most >= -self.allowed(a, b))
 
     def pairs(self, a: IntArray, b: IntArray) -> Pairs:
-        """Outlines of pairs of facets; of those closed at first, on their common plane."""
+        """Returns the outlines of pairs of facets; those of closed pairs are moved to the common
+        plane."""
         both = (a, b)
         normal = np.stack([self.normal[a], self.normal[b]])
         plane = np.stack([self.plane[a], self.plane[b]])
@@ -190,17 +224,20 @@ class Facets:
 
 
 def _outlines(block: Block) -> list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
-    """Tails and heads (k, 3) of the edges around each planar facet, the normals of the faces beyond
-    them, and its own: edges between two faces of one plane cancel."""
+    """Returns for each planar facet the tails and heads (k, 3) of its edges, the normals (k, 3) of
+    the faces beyond them, and its own normal (3,).
+
+    A facet may be made of several faces of one plane; edges between these are left out.
+    """
     flat = planes(block.vertices, block.faces, np.arange(len(block.faces)))
-    vectors, found = area_vectors(block.vertices, block.faces), []
+    vectors, result = area_vectors(block.vertices, block.faces), []
     edges = [list(zip(f, (*f[1:], f[0]), strict=True)) for f in block.faces]
     face = {edge: i for i, own in enumerate(edges) for edge in own}
     for group in flat.faces:
-        kept = [(t, h) for i in group for t, h in edges[i] if face.get((h, t)) not in group]
+        outer = [(t, h) for i in group for t, h in edges[i] if face.get((h, t)) not in group]
         normal = vectors[list(group)].sum(axis=0)
-        beyond = np.array([vectors[face[h, t]] if (h, t) in face else -normal for t, h in kept])
-        tail, head = np.moveaxis(block.vertices[np.array(kept)], 1, 0)
+        beyond = np.array([vectors[face[h, t]] if (h, t) in face else -normal for t, h in outer])
+        tail, head = np.moveaxis(block.vertices[np.array(outer)], 1, 0)
         beyond /= np.linalg.norm(beyond, axis=1)[:, None]
-        found.append((tail, head, beyond, normal / np.linalg.norm(normal)))
-    return found
+        result.append((tail, head, beyond, normal / np.linalg.norm(normal)))
+    return result

@@ -5,6 +5,10 @@ of each facet over the other, and crossings of their edges. A corner's gap is it
 other facet's plane, along that plane's own normal; that of crossing edges is along both edges'
 common perpendicular. With other normals the iterates converge linearly, and a contact that appears
 on the way costs 7e-5 of the load factor.
+
+Arrays are over P pairs of facets, E edges of one side's outlines, and k points. Normals point from
+block a into block b, gaps are positive where the blocks are apart, and lengths are in the scene's
+unit.
 """
 
 from __future__ import annotations
@@ -20,22 +24,34 @@ from cvxlimit.paths.path import CLOSED, Points
 from cvxlimit.scene import Scene
 
 NEAR = 1e-9
-"""Rounding of directions: what counts as parallel or normal."""
+"""Rounding of directions, up to which they count as parallel or perpendicular."""
 
 SETTLED = 1e-7
-"""Movement over the contact size that iterates may leave at most. Flush blocks are flush to that,
-and a corner that is as near to an edge lies on it: with less, rounding decides whether there is a
-point more, with another normal, and forces on it cannot be found again."""
+"""Largest movement, over the contact size, that iterates may leave. Flush blocks are flush to that
+tolerance, and a corner that is as near to an edge lies on it: with a smaller one, rounding would
+decide whether there is one more point, with another normal, whose forces no later iterate has."""
 
 DEEP = 0.5
-"""Share of the thinner block's thickness: what is deeper behind a facet is behind its block."""
+"""Share of the thinner block's thickness: points deeper behind a facet lie behind its block."""
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a step starts: the pose, the pairs of facets that may meet in it, and which of them
-    (P,) touch at the start over an area. Slips count in these, where the gap was no wider than
-    ``loose``: what slid in the step before has opened by as much."""
+    """The start of a step.
+
+    Attributes
+    ----------
+    facets : Facets
+    pose : Pose
+        Where the blocks are at the start; slips are measured from it.
+    pairs : Pairs
+        Pairs of facets that may meet during the step.
+    touches : (P,) array of bool
+        Which of them touch over an area at the start. Slips count in these alone, where the gap was
+        at most ``loose``.
+    loose : float
+        Gap (length) by which joints that slid in the step before have opened.
+    """
 
     facets: Facets
     pose: Pose
@@ -45,6 +61,7 @@ class Start:
 
     @classmethod
     def at(cls, facets: Facets, pose: Pose, loose: float = 0.0) -> Self:
+        """Returns the start of a step from a ``pose``, whose joints have opened by ``loose``."""
         pairs = facets.pairs(*facets.near(pose))
         loose = loose + CLOSED * facets.size
         start = cls(facets, pose, pairs, np.zeros(pairs.block.shape[1], dtype=bool), loose)
@@ -54,7 +71,9 @@ class Start:
 
     @classmethod
     def first(cls, scene: Scene, reach: float) -> Self:
-        """Pairs that face each other within the joint tolerance count as closed."""
+        """Returns the start from the scene as given, where pairs of facets that face each other
+        within the joint tolerance count as closed; ``reach`` (length) is how far apart facets may
+        be to meet."""
         facets, pose = Facets(scene, reach), Pose.first(scene)
         a, b = facets.near(pose)
         start = cls(facets, pose, facets.pairs(a, b), np.zeros(len(a), dtype=bool), 0.0)
@@ -66,22 +85,26 @@ class Start:
         return cls.at(facets, pose)
 
     def points(self, pose: Pose) -> Points:
-        """All points at a pose, with slips since the start."""
+        """Returns all points at a pose, with slips since the start."""
         return _met(self, pose)[0]
 
     def numbered(self, pose: Pose) -> tuple[Points, IntArray]:
-        """The same, and numbers (k,) that ascend, by which the step's next poses have them too."""
+        """Returns all points at a pose, and ascending numbers (k,) that name the same points at
+        other poses of the step."""
         points, _, number = _met(self, pose)
         return points, number
 
 
 def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
-    """The points, and of each the pair, and the number among all corners and crossings."""
+    """Returns the points at a pose, and for each its pair and its number among all corners and
+    crossings."""
+    # Planes of both facets of each pair, and a mean plane in which outlines are compared.
     facets, pairs, start, size = begin.facets, begin.pairs, begin.pose, begin.facets.size
     normal = np.stack([pose.turned(pairs.block[k], pairs.normal[k]) for k in (0, 1)])
     plane = np.stack([pose.placed(pairs.block[k], pairs.plane[k]) for k in (0, 1)])
     mean = _unit(normal[0] - normal[1])
     basis = _tangents(mean)
+    # Edges of both sides: tails and directions in space, both ends in the mean plane.
     tail, along = list[FloatArray](), list[FloatArray]()
     flat_tail, flat_head = list[FloatArray](), list[FloatArray]()
     for k, pair in enumerate(pairs.pair):
@@ -90,6 +113,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
         along.append(ends[1] - ends[0])
         for flat, x in ((flat_tail, ends[0]), (flat_head, ends[1])):
             flat.append(np.einsum("eix,ex->ei", basis[pair], x - plane[0][pair]))
+    # Points of the overlap: corners of either side over the other facet, and crossings of edges.
     i, j = pairs.couples
     near, edges = SETTLED * size, (i, j)
     is_over = [
@@ -108,6 +132,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     i, j = i[crossed], j[crossed]
     s, t = s[crossed, None], t[crossed, None]
 
+    # Their places, normals and gaps: corners of a, corners of b, crossings, in this order.
     corner = [np.flatnonzero(over) for over in is_over]
     pair_of = [pairs.pair[0][corner[0]], pairs.pair[1][corner[1]], pairs.pair[0][i]]
     crossing = tail[0][i] + s * along[0][i], tail[1][j] + t * along[1][j]
@@ -120,12 +145,13 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     ])  # fmt: skip
     gap = np.einsum("kx,kx->k", above, n)
     pair, x = np.concatenate(pair_of), np.concatenate(at)
+    # Points behind a block, and those of overlaps without width, are left out.
     a, b = pairs.block[:, pair]
     is_kept = gap >= -DEEP * np.minimum(facets.thickness[a], facets.thickness[b])
     kept = np.flatnonzero(is_kept & (_widths(pair, x, basis) > CLOSED * size)[pair])
     a, b, x, n, gap, pair = a[kept], b[kept], x[kept], n[kept], gap[kept], pair[kept]
 
-    # Of b against a since the start, as the block sees it that the normal belongs to.
+    # Slip of b against a since the start, in the frame of the block that the normal belongs to.
     slid = start.placed(a, pose.origin(a, x)) - start.placed(b, pose.origin(b, x))
     owner = np.where(kept < len(at[0]), b, a)
     slid = pose.turned(owner, np.einsum("kji,kj->ki", start.turn[owner], slid))
@@ -143,11 +169,13 @@ def _ways(
     pairs: Pairs, pose: Pose, at: tuple[IntArray, IntArray], normal: FloatArray,
     along: tuple[FloatArray, FloatArray], mean: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """Directions (k, 3) of the gaps at crossing edges ``at`` of both sides, the same for every pair
-    of facets that these edges belong to: the edges' common perpendicular, where it lies between
-    the normals of the two faces at each edge. Where it lies beyond one of them, the edges cross on
-    that face, and its normal it is: an edge that slides on a face keeps one normal. Beyond faces of
-    both sides nothing touches there, and the pair's mean normal says how far the facets are apart.
+    """Returns the directions (k, 3) of gaps at crossing edges, numbered ``at`` on either side.
+
+    A direction is the edges' common perpendicular where it lies between the normals of the two
+    faces at each edge, whichever pair of facets the edges are seen from. Where it lies beyond one
+    of these faces, the edges cross on that face and its normal is taken, so that an edge that
+    slides on a face keeps one normal. Where it lies beyond faces of both sides nothing touches, and
+    the pair's ``mean`` normal tells how far the facets are apart.
     """
     pair = pairs.pair[0][at[0]]
     across = np.cross(*along)
@@ -168,8 +196,10 @@ def _ways(
 
 
 def _widths(pair: IntArray, x: FloatArray, basis: FloatArray) -> FloatArray:
-    """Least spread of the points x (k, 3) of each pair, (P,): blocks that pass each other edge by
-    edge overlap by nothing but rounding."""
+    """Returns the smaller standard deviation (P,) of each pair's points ``x`` (k, 3) in its plane.
+
+    It is rounding for blocks that pass each other edge by edge, whose overlap has no width.
+    """
     flat = np.einsum("kix,kx->ik", basis[pair], x)
     count = np.maximum(np.bincount(pair, minlength=len(basis)), 1)
     flat -= np.stack([np.bincount(pair, f, len(basis)) / count for f in flat])[:, pair]
@@ -186,9 +216,12 @@ def _widths(pair: IntArray, x: FloatArray, basis: FloatArray) -> FloatArray:
 def _inside(
     corner: FloatArray, of: IntArray, tail: FloatArray, head: FloatArray, near: float
 ) -> BoolArray:
-    """Which of the corners (c, 2) lie in an outline or near it; edges (e, 2) are those of the
-    outline that corner ``of`` (e,) is looked for in. A ray crosses it an odd number of times, if
-    edges that meet have the very same end."""
+    """Returns which of the corners (c, 2) lie in an outline, or within ``near`` (length) of it.
+
+    Edges from ``tail`` to ``head`` (e, 2) are those of the outline in which corner ``of`` (e,) is
+    looked for. A ray from a corner inside crosses it an odd number of times, provided that edges
+    that meet have exactly the same end.
+    """
     to_tail, to_head = tail - corner[of], head - corner[of]
     along = head - tail
     is_across = (to_tail[:, 1] > 0.0) != (to_head[:, 1] > 0.0)
@@ -204,8 +237,10 @@ def _inside(
 def _crossings(
     tail: FloatArray, along: FloatArray, other: FloatArray, beside: FloatArray, near: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Where edges (e, 2) cross inside both, as shares of their lengths; NaN elsewhere. Crossings
-    near an end are corners that :func:`_inside` has."""
+    """Returns where edges (e, 2) cross, as shares of both lengths, NaN where they do not.
+
+    Crossings ``near`` an end (length) are left out: :func:`_inside` counts the corner there.
+    """
     lengths = np.linalg.norm(along, axis=1), np.linalg.norm(beside, axis=1)
     turn, offset = _cross(along, beside), other - tail
     is_plain = np.abs(turn) > NEAR * lengths[0] * lengths[1]
@@ -217,15 +252,18 @@ def _crossings(
 
 
 def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Returns the third component (k,) of the cross products of plane vectors (k, 2)."""
     return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
+    """Returns vectors (..., 3) divided by their lengths."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1)[..., None])
 
 
 def _tangents(n: FloatArray) -> FloatArray:
-    """Two unit vectors (k, 2, 3) across each normal (k, 3), right-handed with it."""
+    """Returns two unit vectors (k, 2, 3) perpendicular to each normal (k, 3), right-handed with
+    it."""
     least = np.eye(3)[np.abs(n).argmin(axis=1)]
     first = _unit(np.cross(least, n))
     return np.stack([first, np.cross(n, first)], axis=1)

@@ -152,7 +152,8 @@ def _fill(
 
 
 def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
-    """Results, and what was measured; stored rows lack in NaN what others of the folder have."""
+    """Returns the names of result columns, and of measured ones: stored rows have NaN in columns
+    that only other rows of the folder measured."""
     known, measured = {*RESULTS, *table.columns, KEY, IDENTITY, PROOF}, dict[str, None]()
     for row in done.values():
         is_new = KEY not in row
@@ -161,35 +162,39 @@ def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
 
 
 def _about(study: Study) -> dict[str, str]:
-    """What a sweep is of, in words: what is plainly another one must not share its folder.
+    """Returns a description of a sweep's scene and options; another one may not share its folder.
 
     Objects are told by their classes, functions by their names: an edited one goes on in the same
     folder, where its rows are told from earlier ones by their identities.
     """
     given = study.scenes
-    scene = f"{given.name} {scene_digest(given)}" if isinstance(given, Scene) else _said(given)
-    options = ", ".join(f"{name}={_said(value)}" for name, value in sorted(study.options.items()))
+    scene = f"{given.name} {scene_digest(given)}" if isinstance(given, Scene) else _in_words(given)
+    options = ", ".join(
+        f"{name}={_in_words(value)}" for name, value in sorted(study.options.items())
+    )
     return {"scene": scene, "options": options}
 
 
-def _said(value: Any) -> str:
+def _in_words(value: Any) -> str:
+    """Returns a text for an option's value, or the qualified name of its class or function."""
     if value is None or isinstance(value, (bool, int, float, str)):
         return repr(value)
     if isinstance(value, partial):
-        return _said(value.func)
+        return _in_words(value.func)
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_said, value))}]"
+        return f"[{', '.join(map(_in_words, value))}]"
     named = value if hasattr(value, "__qualname__") else type(value)
     return f"{named.__module__}.{named.__qualname__}"
 
 
 def _base(scenes: Any) -> dict[str, Any] | None:
-    """The scene that is varied, with which a folder can be proved again; a function has none."""
+    """Returns the varied scene as a document, with which rows can be proved again; None for a
+    function."""
     return scene_to_dict(scenes) if isinstance(scenes, Scene) else None
 
 
 def solved(study: Any, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed]:
-    """Rows by name as they come; a study is anything whose ``row`` answers a variation."""
+    """Yields rows by name as they come; ``study`` is anything whose ``row`` answers a variation."""
     if executor is None:
         known = Structures()
         for name in nearest_first(todo):
@@ -222,13 +227,14 @@ def solved(study: Any, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed
 
 
 def _tasks(names: Sequence[str]) -> list[Sequence[str]]:
-    """Several go together: a task costs 1 ms in a process pool, some 5 ms on a cluster."""
+    """Returns names in groups of up to 20: a task costs 1 ms in a process pool, some 5 ms on a
+    cluster."""
     size = min(max(1, len(names) // 100), 20)
     return [names[i : i + size] for i in range(0, len(names), size)]
 
 
 def _pool(executor: Any) -> Executor:
-    """Dask's client hands out an executor as :mod:`concurrent.futures` has them."""
+    """Returns an executor of :mod:`concurrent.futures`, which a Dask client provides."""
     if isinstance(executor, Executor):
         return executor
     if hasattr(executor, "get_executor"):

@@ -1,4 +1,4 @@
-"""What is varied: a scene by its usual parameters, grids of values, and random draws."""
+"""Variations of a scene: changes of its usual parameters, grids of values, and random draws."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ def varied(
     dead: Load | None = None,
     **joints: float | None,
 ) -> Scene:
-    """A scene with some of its parameters changed; contacts are kept unless its size changes.
+    """Returns a scene with some of its parameters changed; contacts are kept unless its size
+    changes.
 
     Parameters
     ----------
@@ -81,6 +82,7 @@ def varied(
 
 
 def _taken() -> Signature:
+    """Returns the signature of :func:`varied` with the joints' properties spelled out."""
     first, *others = signature(varied).parameters.values()
     joints = (Parameter(name, Parameter.KEYWORD_ONLY, default=None) for name in PROPERTIES)
     return Signature([first, *joints, *others[:-1]])
@@ -90,12 +92,14 @@ varied.__signature__ = _taken()  # type: ignore[attr-defined]
 
 
 def _resized(scene: Scene, size: float) -> Scene:
+    """Returns the scene with all lengths multiplied by ``size``, its strengths as they were."""
     factor = positive(size, "size, a factor on all lengths,")
     larger = scene.in_units(scene.units, factor, factor**3)
     return replace(larger, **scene.joint_values)
 
 
 def _turned(live: Load, degrees: float) -> Load:
+    """Returns the live load with accelerations turned by ``degrees`` about the vertical."""
     if live.acceleration is None and not live.growing:
         raise InputError(
             "direction turns the live load's acceleration, but it has none: vary live itself"
@@ -115,8 +119,10 @@ def _turned(live: Load, degrees: float) -> Load:
 
 
 def _tilted(scene: Scene, degrees: float) -> Load:
+    """Returns the dead load with gravity leaning by ``degrees`` towards the live load."""
     angle = np.radians(finite_vector([degrees], 1, "tilt")[0])
     down, push = scene.dead.gravity, scene.live.acceleration
+    # The live load's part across gravity is the direction in which the ground leans.
     level = np.zeros(3)
     if down is not None and push is not None:
         level = np.array(push) - np.dot(push, down) * np.array(down)
@@ -131,6 +137,8 @@ def _tilted(scene: Scene, degrees: float) -> Load:
 
 
 def variations_of(grid: Grid) -> DataFrame:
+    """Returns the table with one variation of ``grid`` per row; raises InputError if it has
+    none."""
     pandas = needed("pandas", "frames", "sweeps")
     if isinstance(grid, pandas.DataFrame):
         table = grid.reset_index(drop=True)
@@ -160,6 +168,7 @@ def variations_of(grid: Grid) -> DataFrame:
 
 
 def _values(name: str, given: Any) -> list[Any]:
+    """Returns the values of a parameter as a list; a single value is a list of one."""
     if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
         return [given]
     values = list(given)
@@ -169,7 +178,7 @@ def _values(name: str, given: Any) -> list[Any]:
 
 
 def draws(distributions: Mapping[str, Any], number: int, seed: int) -> DataFrame:
-    """Independent random draws of parameters, as a grid for :func:`cvxlimit.sweep`.
+    """Returns independent random draws of parameters, as a grid for :func:`cvxlimit.sweep`.
 
     Parameters
     ----------
@@ -177,7 +186,7 @@ def draws(distributions: Mapping[str, Any], number: int, seed: int) -> DataFrame
         What has ``rvs``, as the distributions of :mod:`scipy.stats`; or a function of a NumPy
         generator and a number of draws; or a list, of which one value is drawn each time.
     number : int
-        Draws.
+        Number of draws, at least 1.
     seed : int
         The same seed gives the same draws; a parameter's do not depend on the others.
 
@@ -206,6 +215,7 @@ def draws(distributions: Mapping[str, Any], number: int, seed: int) -> DataFrame
 
 
 def _drawn(name: str, distribution: Any, number: int, source: np.random.Generator) -> Any:
+    """Returns ``number`` draws from one parameter's distribution."""
     drawn: Any
     if hasattr(distribution, "rvs"):
         drawn = distribution.rvs(size=number, random_state=source)
