@@ -1,4 +1,5 @@
-"""The compiled parts, where they could be built: None where a slower way does the same."""
+"""The compiled parts of the package; each is None where it could not be built, and a slower way is
+taken."""
 
 from __future__ import annotations
 
@@ -13,22 +14,23 @@ LOG = logging.getLogger(__name__)
 
 
 def _loaded(name: str) -> Any:
+    """Returns a compiled module; None if it is not wanted, not there, or made of other sources."""
     if os.environ.get("CVXLIMIT_COMPILED") == "no":
         return None
     try:
-        found = import_module(f"cvxlimit.solvers.{name}")
-    except ImportError:  # no compiler when the package was installed
+        module = import_module(f"cvxlimit.solvers.{name}")
+    except ImportError:  # There was no compiler when the package was installed.
         return None
-    if getattr(found, "SOURCES", "") == _OF_SOURCES or not _OF_SOURCES:
-        return found
+    if getattr(module, "SOURCES", "") == _DIGEST or not _DIGEST:
+        return module
     LOG.warning("%s was compiled from other sources and is not used: install again", name)
     return None
 
 
-_OF_SOURCES = digest()
+_DIGEST = digest()
 
 INTERIOR: Any = _loaded("_interior")
-"""Our interior point, ``interior.c``; else other solvers."""
+"""Our interior-point method, ``interior.c``; without it other solvers are used."""
 
 CHOLESKY: Any = _loaded("_cholesky")
-"""Sparse factorisation, ``cholesky.c``; else SuperLU."""
+"""Our sparse factorisation, ``cholesky.c``; without it SuperLU is used."""

@@ -112,23 +112,27 @@ class Blockwise(CLARABEL):
         solver_cache: Any = None,
     ) -> SimpleNamespace:
         """Solve from CVXPY's matrices; the answer has the fields of Clarabel's."""
+        # The program, from CVXPY's matrices. ``kept`` is what CVXPY keeps from solve to solve.
         options, kept = _checked(solver_opts), {} if solver_cache is None else solver_cache
         dims, matrix = data[ConicSolver.DIMS], sp.csc_array(data[keys.A])
         cones = dims.zero, dims.nonneg, list(dims.soc)
         c, values, b = (np.asarray(v, float) for v in (data[keys.C], matrix.data, data[keys.B]))
         matrix = sp.csc_array((values, matrix.indices, matrix.indptr), matrix.shape)
         program = c, matrix, b, cones
+        # Points to start from: those of the last solve if it is to be warm, else any given ones.
         way: dict[int, Point] = kept.setdefault("way", {})
         starts: list[Point] = [way[power] for power in sorted(way)]
         if not warm_start:
             starts = kept.get("starts", [])
-        asked = _Asked.of(program, solver_opts, data.get("enough")) if warm_start else None
-        before: _Asked | None = kept.get("asked")
-        if asked is not None and before is not None and before.is_about(asked):
-            # A start, and be it the best, would change the last digits of the same answer.
-            if before.about == asked.about:
+        # The same program again has the same answer, and starts cold under other options: a start,
+        # however good, would change the last digits.
+        question = _Question.of(program, solver_opts, data.get("enough")) if warm_start else None
+        before: _Question | None = kept.get("asked")
+        if question is not None and before is not None and before.has_program_of(question):
+            if before.options == question.options:
                 return cast(SimpleNamespace, kept["answer"])
             starts = []
+        # The solve, once more without a start where that failed.
         own = kept[self.name()] = _Ordered.of(kept.get(self.name()), program)
         again = partial(
             minimised, program, **options, enough=data.get("enough", np.inf), order=own.order
@@ -136,6 +140,7 @@ class Blockwise(CLARABEL):
         result = again(starts=starts)
         if starts and result.status != SOLVED:
             result = again()
+        # What the next solve may need, and the answer.
         way |= result.way
         if result.middle is not None:
             kept["middle"] = result.middle
@@ -154,36 +159,39 @@ class Blockwise(CLARABEL):
                 f"{result.iterations} iterations from a {heat} start, {result.seconds:.4f} s; "
                 f"{result.status}, objective {result.objective:.12g}"
             )
-        kept |= {"asked": asked, "answer": answer}
+        kept |= {"asked": question, "answer": answer}
         return answer
 
 
 @dataclass(frozen=True, eq=False)
-class _Asked:
-    """A program's numbers, and what else was asked."""
+class _Question:
+    """The numbers of a program that was solved, and the options of the solve."""
 
     numbers: tuple[NDArray[Any], ...]
-    about: tuple[object, ...]
+    options: tuple[object, ...]
 
     @classmethod
-    def of(cls, program: Program, options: _Named, enough: float | None) -> _Asked:
+    def of(cls, program: Program, options: _Named, enough: float | None) -> _Question:
+        """Returns the question of a solve, with copies of its numbers."""
         c, matrix, b, (zero, orthant, soc) = program
         numbers = c, b, matrix.data, matrix.indices, matrix.indptr, np.array([zero, orthant, *soc])
         return cls(tuple(part.copy() for part in numbers), (options, enough))
 
-    def is_about(self, other: _Asked) -> bool:
+    def has_program_of(self, other: _Question) -> bool:
+        """Returns True if both are about the same program."""
         return all(map(np.array_equal, self.numbers, other.numbers))
 
 
 @dataclass(frozen=True, eq=False)
 class _Ordered:
-    """The order of elimination of a program, for the next of its pattern."""
+    """A program with its order of elimination, which the next program of this pattern takes."""
 
     program: Program
     order: IntArray | None
 
     @classmethod
     def of(cls, before: Any, program: Program) -> _Ordered:
+        """Returns ``before`` if the program has its pattern, otherwise the program ordered anew."""
         if isinstance(before, _Ordered) and before.program[3] == program[3]:
             one, other = before.program[1], program[1]
             same = one.shape == other.shape and np.array_equal(one.indptr, other.indptr)
@@ -193,6 +201,7 @@ class _Ordered:
 
 
 def _checked(options: _Named) -> _Named:
+    """Returns all options, with defaults for those not given. Raises SolverError for others."""
     known = {"tolerance": 1e-11, "residual": None, "max_iter": 150}
     if unknown := [*options.keys() - known.keys()]:
         has = f"its options are {', '.join(known)}"
@@ -264,10 +273,11 @@ class Rescaled(Blockwise):
 def _units(
     matrix: sp.csr_array, right: FloatArray, x: FloatArray, dims: Any
 ) -> tuple[FloatArray, FloatArray]:
-    """Units of the unknowns (n,) and of the rows (m,) near an answer x of A x + s = b.
+    """Returns units of the unknowns (n,) and of the rows (m,) near an answer x of A x + s = b.
 
-    An equation's is its largest term. An unknown's is its value, or the least that would be such a
-    term somewhere. A cone's, the same for all its rows, is the largest term in those units.
+    The unit of an equation is its largest term. That of an unknown is its value, or the smallest
+    value that would be as large as such a term in some equation. That of a cone, the same for all
+    its rows, is its largest term with unknowns of one unit each.
     """
     equations = abs(matrix[: dims.zero])
     terms = equations @ sp.diags_array(np.abs(x))
@@ -286,4 +296,5 @@ def _units(
 
 
 def _largest(matrix: sp.csr_array, axis: int) -> FloatArray:
+    """Returns the largest entry of each column (axis 0) or row (axis 1)."""
     return np.asarray(sp.csr_array(matrix).max(axis=axis).toarray(), dtype=np.float64).ravel()

@@ -27,27 +27,32 @@ contacts are factorised in half of the time. On sixteen thousand that differs by
 order itself takes five times as long."""
 
 _LEAF = 24
-"""Parts of so few nodes are not split any more."""
+"""Parts with this many nodes or fewer are not split any more."""
 
 _FEW = 400
 """Equations below which SuperLU takes less time."""
 
 _LANDMARKS = 6
+"""Nodes far apart from which distances are taken as coordinates."""
 
 _BALANCE = 0.3
 """Least share of the nodes on either side of a cut."""
 
 
 def factorised(matrix: sp.csc_array, group: int = 1) -> Solve:
-    """Solver of a positive definite matrix (n, n), whose rows belong together in groups of so many,
-    the equations of a masonry block."""
+    """Factorises a positive definite matrix (n, n), and returns a function that solves with it.
+
+    Rows are ordered in groups of ``group``, the equations of a masonry block.
+    """
     n = matrix.shape[0]
     if CHOLESKY is None or n < _FEW:
         return cast(Solve, _lu(matrix).solve)
+    # The order of elimination, from the graph of groups.
     node = np.arange(n) // group
     places = node[matrix.indices], np.repeat(node, np.diff(matrix.indptr))
     graph = sp.coo_array((np.ones(matrix.nnz), places), shape=(n // group, n // group))
     order = (elimination_order(graph.tocsr())[:, None] * group + np.arange(group)).ravel()
+    # The lower half of the matrix in this order.
     rank = np.argsort(order)
     row, column = rank[matrix.indices], np.repeat(rank, np.diff(matrix.indptr))
     is_kept = row >= column
@@ -56,14 +61,14 @@ def factorised(matrix: sp.csc_array, group: int = 1) -> Solve:
     lower.sort_indices()
     try:
         solve = Supernodal(lower.indices, lower.indptr).factorise(lower.data)
-    except ArithmeticError:  # indefinite by rounding: LU does not mind
+    except ArithmeticError:  # It is indefinite by rounding, which LU bears.
         return cast(Solve, _lu(matrix).solve)
     return lambda right: solve(right[order])[rank]
 
 
 def _lu(matrix: sp.csc_array) -> SuperLU:
-    """SciPy's LU without pivoting, nodes with the fewest neighbours first. Raises RuntimeError if a
-    pivot is zero."""
+    """Returns SciPy's LU without pivoting, rows with the fewest neighbours first. Raises
+    RuntimeError if a pivot is zero."""
     options = {"SymmetricMode": True, "Equil": False}
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
@@ -91,13 +96,14 @@ class Supernodal:
 
 
 def elimination_order(graph: sp.csr_array) -> IntArray:
-    """Order (n,) in which to eliminate the nodes of a symmetric graph (n, n) for little fill-in."""
+    """Returns the order (n,) in which to eliminate the nodes of a symmetric graph (n, n), so that
+    little fills in."""
     return minimum_degree(graph) if graph.shape[0] < _WIDE else nested_dissection(graph)
 
 
 def minimum_degree(graph: sp.csr_array) -> IntArray:
-    """Nodes with the fewest neighbours first, by SuperLU, which tells its order with the factors of
-    a matrix only: those of a diagonally dominant one."""
+    """Returns the order (n,) that takes nodes with the fewest neighbours first. It is SuperLU's,
+    which gives its order only with the factors of a matrix; the one used is diagonally dominant."""
     n = graph.shape[0]
     if n == 0:
         return np.zeros(0, dtype=np.int64)
@@ -107,9 +113,10 @@ def minimum_degree(graph: sp.csr_array) -> IntArray:
 
 
 def nested_dissection(graph: sp.csr_array) -> IntArray:
-    """The graph is cut along a level of one of a few coordinates, the separator comes last, each
-    part is treated alike. Coordinates are distances in edges from nodes far apart: they follow a
-    wall around corners.
+    """Returns the order (n,) by nested dissection: the graph is cut in two along a level of one of
+    a few coordinates, the nodes on the cut come last, and each part is treated alike.
+
+    Coordinates are distances in edges from nodes far apart, which follow a wall around corners.
     """
     n = graph.shape[0]
     graph = sp.csr_array((np.ones(graph.nnz), graph.indices, graph.indptr), shape=(n, n))
@@ -140,15 +147,18 @@ class _Dissection:
         self.is_beyond = np.zeros((graph.shape[0], 2 * self.places.shape[1]))
 
     def split(self, nodes: IntArray) -> list[IntArray]:
-        """Near side, far side, each split again, and the separator: the near side's boundary."""
+        """Returns the order of nodes in parts: the near side and the far side, each split again,
+        and last the separator, which is the boundary of the near side."""
         if len(nodes) <= _LEAF:
             return [nodes]
+        # Cuts through the median of each coordinate, with nodes on the level on either side.
         places, n = self.places[nodes], len(nodes)
         middle = np.median(places, axis=0)
         near = np.concatenate([places <= middle, places < middle], axis=1)
         self.is_beyond[nodes] = ~near
         touches = self.graph[nodes] @ self.is_beyond > 0.0
         self.is_beyond[nodes] = 0.0
+        # The cut with the smallest boundary of those that are balanced.
         boundary = near & touches
         share = near.mean(axis=0)
         good = (share >= _BALANCE) & (share <= 1.0 - _BALANCE) & (near & ~touches).any(axis=0)
@@ -161,4 +171,5 @@ class _Dissection:
 
 
 def _distances(graph: sp.csr_array, start: int) -> FloatArray:
+    """Returns the distances (n,) in edges from a node to all."""
     return np.asarray(dijkstra(graph, unweighted=True, indices=np.array([start]))[0])
