@@ -30,28 +30,37 @@ Ladder = tuple[SolverSettings, ...]
 class LadderNumbers:
     """The numbers behind the ladders; where each was measured is in docs/evidence/solvers.md."""
 
-    finest: float = 1e-10  # tolerance of QOCO without cones and facets, and residual of its
-    refinements: int = 20  # directions elsewhere, in at most so many rounds
-    # Of forces that count to 1e-9 of the load, of fixed-point iterates by Clarabel, and of the
-    # blockwise solver on fewer variables than these, where digits are cheap and Clarabel is next:
-    # contacts of weak stone may be too large for it.
+    # Tolerance of QOCO on lean problems (:class:`Shape`), and residual of its search directions on
+    # others, ...
+    finest: float = 1e-10
+    refinements: int = 20  # ... which it refines in at most so many rounds.
+    # Tolerance of forces that count to 1e-9 of the load, of fixed-point iterates by Clarabel, and
+    # of the blockwise solver on fewer variables than ``few``. There digits are cheap and Clarabel
+    # comes next: contacts of weak stone may be too large for the blockwise solver.
     tight: float = 1e-9
     few: int = 1000
-    tight_iterations: int = 100
-    node: float = 1e-8  # of nodes, and of fixed-point iterates by the solver that starts warm,
-    # or this share of the width at which nodes are closed: at 1e-2 splits followed what was noise
+    tight_iterations: int = 100  # Most iterations at that tolerance.
+    # Tolerance of nodes of branch and bound, and of fixed-point iterates by the solver that starts
+    # warm, ...
+    node: float = 1e-8
+    # ... or this share of the width at which nodes are closed: at 1e-2 splits followed noise.
     node_share: float = 1e-4
-    node_refinements: int = 1  # with directions that need few, for bounds are checked outside
-    leading: float = 1e-6  # of problems that only lead the way, and the narrowest bracket that is
-    # asked of QOCO with cones
-    leading_iterations: int = 60  # those not solved in 60 were never solved later
-    leads_from: int = 500  # from so many contacts on the blockwise solver leads,
-    leads: float = 1e-7  # to this: looser ones take as long in all, and S12 ends 0.8 % wider
-    steps: float = 5e-6  # of safe steps by the solver that starts warm, which comes first
-    steps_from: int = 200  # from so many contacts on
-    enough: float = 1 / 3  # gap of the blockwise solver, over the width of the bracket asked for
-    loose: float = 0.05  # QOCO's first tolerance for repeated problems, over the bracket's
-    tiny: int = 100  # variables up to which Clarabel comes first in any case
+    # Rounds of refinement of QOCO's directions in nodes: few, since bounds are checked outside.
+    node_refinements: int = 1
+    # Tolerance of problems that only lead the way, and the narrowest bracket that is asked of QOCO
+    # with cones.
+    leading: float = 1e-6
+    # Most iterations of such problems: those not solved in 60 were never solved later.
+    leading_iterations: int = 60
+    leads_from: int = 500  # From so many contacts on the blockwise solver leads the way, ...
+    # ... at this tolerance: looser ones take as long in all, and S12 ends 0.8 % wider.
+    leads: float = 1e-7
+    steps: float = 5e-6  # Tolerance of safe steps by the solver that starts warm, ...
+    steps_from: int = 200  # ... which comes first from so many contacts on.
+    enough: float = 1 / 3  # Gap of the blockwise solver, over the width of the bracket asked for.
+    # QOCO's first tolerance for repeated problems, over the width of the bracket asked for.
+    loose: float = 0.05
+    tiny: int = 100  # Variables up to which Clarabel comes first in any case.
 
 
 NUMBERS = LadderNumbers()
@@ -63,14 +72,15 @@ BLOCKWISE_FROM = {"conic": 100, "facets": 500, "lean": 1_000}
 def blockwise(
     tolerance: float | None = None, label: str = "", iterations: int | None = None
 ) -> Ladder:
-    """Our own solver, where it was compiled; else no rung."""
+    """Returns a ladder with our own solver alone, or an empty one where it was not compiled."""
     own = settings_for("BLOCKWISE", tolerance, label, iterations=iterations)
     return () if own.name in UNBUILT else (own,)
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
-    """Solvers in order: Clarabel as a rule, then in units of its own answer, which is what weights
-    far apart need, then tighter, then every other installed solver that takes the problem."""
+    """Returns solvers in order: Clarabel, Clarabel in units of its own answer, which weights far
+    apart need, Clarabel at tighter tolerances, and every other installed solver that takes the
+    problem."""
     ladder = [
         settings_for("CLARABEL"),
         settings_for("RESCALED", None, "CLARABEL rescaled"),
@@ -91,18 +101,18 @@ def default_ladder(is_conic: bool = True) -> Ladder:
 def ladder_of(
     solvers: Sequence[str | SolverSettings | type[ConicSolver]] | str | SolverSettings,
 ) -> Ladder:
-    """A ladder of one's own: names of installed solvers, settings, or interfaces of one's own.
+    """Returns a user's ladder, of names of installed solvers, settings, or interfaces of one's own.
 
     Raises
     ------
     ModelError
         For a solver that CVXPY does not find, or an entry that is no solver.
     """
-    given = [solvers] if isinstance(solvers, (str, SolverSettings)) else solvers
-    if not isinstance(given, Sequence) or not given:
+    entries = [solvers] if isinstance(solvers, (str, SolverSettings)) else solvers
+    if not isinstance(entries, Sequence) or not entries:
         raise ModelError(f"ladder must be a list of solvers, got {solvers!r}: write ['CLARABEL']")
     ladder: list[SolverSettings] = []
-    for entry in given:
+    for entry in entries:
         if isinstance(entry, str):
             check_installed(settings := settings_for(entry.upper()))
             ladder.append(settings)
@@ -120,7 +130,8 @@ def ladder_of(
 
 
 def asked_ladder(solver: Any, ladder: Any) -> Ladder | None:
-    """The ladder that a call means by ``solver``, one, or by ``ladder``, several; None by neither.
+    """Returns the ladder that a call asks for by ``solver`` (one) or ``ladder`` (several); None if
+    it gives neither.
 
     Raises
     ------
@@ -142,7 +153,7 @@ def asked_ladder(solver: Any, ladder: Any) -> Ladder | None:
 
 
 def clarabel_at(*tolerances: float, iterations: int | None = None) -> Ladder:
-    """Clarabel at each of some tolerances, for loops that compare one solve with the next."""
+    """Returns Clarabel at each tolerance, for loops that compare one solve with the next."""
     return tuple(
         settings_for("CLARABEL", asked, f"CLARABEL {asked:g}", iterations=iterations)
         for asked in tolerances
@@ -173,8 +184,8 @@ def leading_ladder(contacts: int = 0, tolerance: float = NUMBERS.leading) -> Lad
 
 
 def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
-    """The first solver for steps that each start where the last one ended, on so many contacts: our
-    own solver, if they are many. What it finds is strictly inside, so that bounds lose nothing.
+    """Returns the first solver for steps that each start where the last one ended: our own solver,
+    on many contacts. Its answers are strictly inside, so that bounds lose nothing.
     """
     most = NUMBERS.leading_iterations
     own = blockwise(tolerance, f"BLOCKWISE {tolerance:g}", most)
@@ -182,10 +193,12 @@ def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
 
 
 def node_ladder(contacts: int = 0, tolerance: float = 1e-4) -> Ladder:
-    """The ladder for nodes of a search on so many contacts that are closed at a relative width of
-    ``tolerance``: our own solver on many, or where it is compiled whole, QOCO where it is
-    installed, then what solves the nodes that it gives up; boxes that carry nothing have no force
-    as their answer, on which Clarabel fails.
+    """Returns the ladder for nodes of branch and bound that are closed at a relative width of
+    ``tolerance``.
+
+    On many contacts it is our own solver, then Clarabel. On fewer it is our own solver, QOCO where
+    it is installed, Clarabel, and our own solver again, more tightly: a node that carries nothing
+    has no forces as its answer, on which Clarabel fails.
     """
     most, few = NUMBERS.leading_iterations, NUMBERS.node_refinements
     clarabel = settings_for("CLARABEL", NUMBERS.node)
@@ -198,8 +211,8 @@ def node_ladder(contacts: int = 0, tolerance: float = 1e-4) -> Ladder:
 
 
 def tight_ladder() -> Ladder:
-    """The ladder for forces that count to 1e-9 of the load: our own solver takes half to a third of
-    Clarabel's time, if it is compiled."""
+    """Returns the ladder for forces that count to 1e-9 of the load. Our own solver comes first,
+    which takes half to a third of Clarabel's time."""
     most = NUMBERS.tight_iterations
     own = blockwise(NUMBERS.tight, iterations=most)
     return (*own, *clarabel_at(NUMBERS.tight, iterations=most), *default_ladder()[:1])
@@ -207,8 +220,10 @@ def tight_ladder() -> Ladder:
 
 @dataclass(frozen=True)
 class Shape:
-    """What a compiled problem looks like, as far as it matters for its solvers: counts of its
-    unknowns and constraints. ``rows`` are linear inequalities, signs among them.
+    """The size of a compiled problem, as far as it matters for its solvers.
+
+    ``variables``, ``equations`` and ``cones`` (second-order) are counted, and ``rows``: linear
+    inequalities, signs among them.
     """
 
     variables: int
@@ -218,7 +233,8 @@ class Shape:
 
     @property
     def kind(self) -> str:
-        """``"conic"``, ``"facets"`` or ``"lean"``: linear with less than 1.5 rows per variable.
+        """The kind of problem: ``"conic"`` with cones, ``"lean"`` if it is linear with less than
+        1.5 rows per variable, otherwise ``"facets"``.
 
         The octagon in space has 2.0, a planar scene 1.3.
         """
@@ -228,13 +244,14 @@ class Shape:
 
 
 def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = False) -> Ladder:
-    """The ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
+    """Returns the ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
 
     The blockwise solver comes first from as many variables on as it was measured to be faster,
     third elsewhere; there QOCO leads, if it is installed. ``tolerance`` is the width of the bracket
     that is asked for: with cones QOCO often fails below 1e-6. Of many problems of one scene it
     starts no tighter than it has to.
     """
+    # Large problems: the blockwise solver first.
     first, *others = default_ladder(shape.cones > 0)
     own, kind = blockwise(), shape.kind
     if own and shape.variables >= BLOCKWISE_FROM[kind]:
@@ -243,8 +260,10 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
         if shape.variables >= max(NUMBERS.few, BLOCKWISE_FROM[kind]):
             return (*blockwise(asked), tight, first, *others)
         return (*blockwise(min(asked, NUMBERS.tight)), first, tight, *others)
+    # Smaller ones without QOCO, or with a bracket that it often fails to reach: Clarabel first.
     if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.leading)):
         return (first, *own, *others)
+    # Others: QOCO first, unless the problem is tiny.
     lean = NUMBERS.finest if kind == "lean" else None
     if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
         return (first, settings_for("QOCO", lean), *own, *others)

@@ -1,8 +1,8 @@
 """Conic programs given as arrays: for thousands of small problems of one scene.
 
-Everything else is written in CVXPY, whose compiling takes 20 to 50 ms however small a problem is,
-where solvers need 5 to 10. Here CVXPY's interfaces to the solvers get their matrices directly,
-those that need no more.
+Everything else is written in CVXPY, whose compilation takes 20 to 50 ms however small a problem is,
+where solvers need 5 to 10. Here matrices go to CVXPY's interfaces to the solvers directly, where an
+interface needs nothing else.
 """
 
 from __future__ import annotations
@@ -63,15 +63,14 @@ class ConeProgram:
 
     @classmethod
     def of(cls, problem: cp.Problem) -> ConeProgram:
-        """What solvers with linear objectives and these cones get of a problem in CVXPY, at the
-        present values of its Parameters."""
+        """Returns the program of a CVXPY problem at the present values of its Parameters."""
         data, _, _ = problem.get_problem_data(Blockwise(), ignore_dpp=True)
         dims = data[ConicSolver.DIMS]
         matrices = data[keys.C], data[keys.A], data[keys.B]
         return cls(*matrices, dims.zero, dims.nonneg, tuple(dims.soc))
 
     def is_like(self, other: ConeProgram) -> bool:
-        """True if entries stand in the same places."""
+        """Returns True if another program has its entries in the same places."""
         one, two = self.matrix, other.matrix
         sizes = (self.zero, self.nonneg, self.cones, one.shape)
         return sizes == (other.zero, other.nonneg, other.cones, two.shape) and bool(
@@ -79,8 +78,8 @@ class ConeProgram:
         )
 
     def under(self, dead: FloatArray, live: FloatArray) -> ConeProgram:
-        """The same conditions under other loads: the right-hand side of the equations is what the
-        ``dead`` (zero,) leave, their last column the ``live``."""
+        """Returns the program with the same conditions under other loads: the right-hand side of
+        the equations is minus ``dead`` (zero,), and their last column is ``live`` (zero,)."""
         loaded, last = np.flatnonzero(live), int(self.matrix.indptr[-2])
         entries = (
             np.concatenate([self.matrix.data[:last], live[loaded]]),
@@ -97,14 +96,17 @@ class ConeProgram:
         is_warm: bool = True,
         all_duals: bool = False,
     ) -> tuple[Outcome, FloatArray | None, FloatArray | None]:
-        """One run of one solver: outcome, x, and the duals (zero,) of the equations, or (m,) of all
-        rows. Solvers that start from the program before leave what they need in ``cache``, a point
-        on the way to the answer under ``"middle"``; where the start is not to be warm they take the
-        structure from there, which is that of any program of this pattern, and start from one of
-        its ``"starts"``, points nearest to the answer first, if there are any.
+        """Runs one solver, and returns the outcome, x (n,), and the duals (zero,) of the equations,
+        or with ``all_duals`` those (m,) of all rows; None where the solver returned nothing.
 
-        Solvers whose interfaces need more than these matrices get them through CVXPY, all of them
-        the same problem. Never raises for what the solver does; see
+        Solvers that can start warm keep in ``cache`` what they need for the next program, with a
+        point on the way to the answer under ``"middle"``. If the start is not to be warm
+        (``is_warm`` false) they take from it only the structure, which is that of any program of
+        this pattern, and start from its ``"starts"`` if there are any: points, the one nearest to
+        the answer first.
+
+        Solvers whose interfaces need more than matrices get the program through CVXPY, all of them
+        the same problem. Failures of a solver raise nothing; see
         :func:`cvxlimit.solvers.running.run`.
         """
         row, options = settings.row, dict(settings.options)
@@ -113,7 +115,8 @@ class ConeProgram:
 
         def compiled() -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
             solver = SOLVER_MAP_CONIC[row.name] if row.plug_in is None else row.plug_in()
-            # matrices and sizes of cones as CVXPY's interfaces take them, and what they read back
+            # Matrices and sizes of cones as CVXPY's interfaces take them, and what they need to
+            # read the answer.
             p, rows = self.zero, len(self.right)
             dims = SimpleNamespace(
                 zero=p, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]
@@ -140,13 +143,13 @@ class ConeProgram:
             solve = partial(solver.solve_via_data, data, starts, settings.verbose, options, kept)
             return solve, lambda raw: solver.invert(raw, inverse)
 
-        outcome, found = attempted(settings, bool(self.cones), compiled)
-        if found is None or not outcome.has_values:
+        outcome, solution = attempted(settings, bool(self.cones), compiled)
+        if solution is None or not outcome.has_values:
             return outcome, None, None
-        if not found.dual_vars:
+        if not solution.dual_vars:
             return replace(outcome, status=_NO_DUALS), None, None
-        (x,) = found.primal_vars.values()
-        y = np.concatenate([np.ravel(part) for part in found.dual_vars.values()])
+        (x,) = solution.primal_vars.values()
+        y = np.concatenate([np.ravel(part) for part in solution.dual_vars.values()])
         return outcome, np.asarray(x), y if all_duals else y[: self.zero]
 
     def _solve_through_cvxpy(
@@ -163,7 +166,7 @@ class ConeProgram:
 
     @cached_property
     def _stated(self) -> tuple[cp.Problem, cp.Variable, cp.Constraint | None]:
-        """The program in CVXPY's words, its variable and its equations."""
+        """The program as a CVXPY problem, with its variable and its equations."""
         x, rows, at = cp.Variable(len(self.cost)), self.matrix.tocsr(), self.zero
         linear = slice(at, at + self.nonneg)
         equations = rows[:at] @ x == self.right[:at] if at else None
@@ -180,7 +183,7 @@ class ConeProgram:
 
 @cache
 def _equations(count: int) -> Zero:
-    """What interfaces take for constraints; they ask for their sizes alone."""
+    """Returns a constraint of so many equations for interfaces, which ask only for its size."""
     return Zero(cp.Variable(count))
 
 
@@ -191,7 +194,7 @@ def write_program(
     program: ConeProgram, path: str | os.PathLike[str], form: str, name: str,
     remarks: Sequence[str] = (),
 ) -> None:  # fmt: skip
-    """Write a program in one of :data:`FORMATS`, with remarks as comments.
+    """Writes a program in one of :data:`FORMATS`, with remarks as comments.
 
     Raises
     ------
@@ -214,6 +217,7 @@ def write_program(
 
 
 def _packed(program: ConeProgram, remarks: Sequence[str]) -> bytes:
+    """Returns the program as a compressed file of NumPy arrays."""
     file, a = io.BytesIO(), program.matrix
     np.savez_compressed(
         file, c=program.cost, b=program.right, data=a.data, indices=a.indices, indptr=a.indptr,
@@ -224,7 +228,7 @@ def _packed(program: ConeProgram, remarks: Sequence[str]) -> bytes:
 
 
 def _cbf(program: ConeProgram) -> Iterator[str]:
-    """Conic Benchmark Format, version 3: its constraints are A x + b in K."""
+    """Yields lines of the Conic Benchmark Format, version 3, whose constraints are A x + b in K."""
     cost, right, entries = program.cost, program.right, program.matrix.tocoo()
     kinds = [("L=", program.zero), ("L+", program.nonneg), *(("Q", k) for k in program.cones)]
     kinds = [(kind, size) for kind, size in kinds if size]
@@ -243,7 +247,7 @@ def _cbf(program: ConeProgram) -> Iterator[str]:
 
 
 def _mps(program: ConeProgram, name: str) -> Iterator[str]:
-    """Free MPS; every variable is free, the cost is row ``cost``."""
+    """Yields lines of free MPS. Every variable is free, and the cost is row ``cost``."""
     yield from (f"NAME {name}", "ROWS", " N cost")
     for i in range(len(program.right)):
         yield f" {'E' if i < program.zero else 'L'} r{i}"

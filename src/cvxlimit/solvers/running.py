@@ -22,10 +22,8 @@ from cvxlimit.solvers.table import SolverSettings, able, installed
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a solver reported, with seconds for CVXPY's compile and for the solver itself.
-
-    ``refusal`` says what the solver lacks, if it was not run for that.
-    """
+    """What a solver reported: CVXPY's status, seconds for CVXPY's compilation and for the solver
+    itself, and, if the solver was not run because it lacks something, what it lacks."""
 
     status: str
     compile_seconds: float
@@ -45,11 +43,23 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class LimitState:
-    """One solver's answer in the user's units, not yet certified.
+    """One solver's answer in the user's units, not yet certified. Fields are None where the solver
+    returned nothing, or the problem does not have them.
 
-    ``forces`` (contacts, 6), ``mechanism`` (free blocks, 6) with live power 1; None where the
-    solver returned nothing, or the problem does not have them. ``internal`` (p,) are the internal
-    forces of the formulation, ``own`` the values of unknowns that a problem's goal added, by name.
+    Attributes
+    ----------
+    outcome : Outcome
+        What the solver reported.
+    load_factor : float or None
+        The load factor.
+    forces : (n, 6) array or None
+        Contact forces in the order V1, V2, N, M1, M2, MT; N is positive under pressure.
+    mechanism : (free blocks, 6) array or None
+        Rates of translation and rotation of each block, with live power 1.
+    internal : (p,) array or None
+        Internal forces of the formulation.
+    own : mapping from str to array
+        Values of unknowns that the problem's goal added, by name.
     """
 
     outcome: Outcome
@@ -61,7 +71,7 @@ class LimitState:
 
 
 def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False) -> Outcome:
-    """Solve and leave the values in the problem; failures come back as a status, not as errors.
+    """Solves a problem and leaves the values in it. Failures come back as a status, not as errors.
 
     CVXPY's warning about inaccurate solutions is not raised: the status says the same, is kept in
     the history, and the certificate decides whether the solution counts.
@@ -84,9 +94,11 @@ def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False)
 def _compiled(
     problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool
 ) -> tuple[dict[str, Any], SolvingChain, list[Any]]:
-    """What a solver gets, from one compilation for all of a ladder: CVXPY keeps that for one solver
-    only, but just the last step of it is the solver's own, unless objectives are quadratic or cones
-    of another kind than ours."""
+    """Returns what a solver gets: its data, CVXPY's chain of reductions, and what inverts them.
+
+    All solvers of a ladder share one compilation. CVXPY keeps it for one solver only, but just its
+    last step belongs to the solver, unless objectives are quadratic or cones of another kind.
+    """
     row, options = settings.row, dict(settings.options)
     solver = row.plug_in() if row.plug_in is not None else None
     own = solver or row.name
@@ -106,6 +118,7 @@ def _compiled(
 
 
 def _unpacked(problem: cp.Problem, chain: Any, inverse: Any, raw: Any) -> Solution:
+    """Returns the solution of a solver's ``raw`` answer, and leaves its values in the problem."""
     solution = chain.invert(raw, inverse)
     if solution.status not in ERROR:
         problem.unpack(solution)
@@ -117,7 +130,8 @@ def attempted(
     has_cones: bool,
     compiled: Callable[[], tuple[Callable[[], Any], Callable[[Any], Solution]]],
 ) -> tuple[Outcome, Solution | None]:
-    """One run on the clock: ``compiled`` gives the run itself, and how its answer is read."""
+    """Runs a solver and measures its time. ``compiled`` returns two functions: the run itself, and
+    the one that reads its answer. Returns the outcome, and the solution; None if the run failed."""
     if has_cones and not settings.row.has_cones:
         lacks = f"{settings.name} takes no second-order cones, which this problem has"
         others = f"{', '.join(able(with_cones=True))} take them"

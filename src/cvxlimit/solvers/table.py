@@ -119,13 +119,16 @@ SOLVERS: Mapping[str, Solver] = MappingProxyType({row.name: row for row in _ROWS
 
 
 UNBUILT = frozenset({"BLOCKWISE"} if INTERIOR is None else ())
-"""Those that would be here if they had been compiled when the package was installed."""
+"""Solvers of this package that were not compiled when it was installed."""
 
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """A solver by CVXPY's name, its options, a label for the history, and its interface, where
-    neither CVXPY nor this package knows it by that name. ``verbose`` hands its own log through.
+    """A solver with its settings.
+
+    ``name`` is CVXPY's name of it, ``options`` are its own, ``label`` is for the history. Its
+    interface ``plug_in`` is needed where neither CVXPY nor this package knows it by name;
+    ``verbose`` prints its log.
 
     >>> SolverSettings("CLARABEL", {"max_iter": 50}).name
     'CLARABEL'
@@ -142,9 +145,9 @@ class SolverSettings:
 
     @property
     def row(self) -> Solver:
-        """What is known of the solver; of one without a row, that it has cones."""
-        known = SOLVERS.get(self.name) if self.plug_in is None else None
-        return known or Solver(self.name, plug_in=self.plug_in)
+        """The solver's row in the table; one without a row is taken to have cones."""
+        row = SOLVERS.get(self.name) if self.plug_in is None else None
+        return row or Solver(self.name, plug_in=self.plug_in)
 
 
 def settings_for(
@@ -155,7 +158,8 @@ def settings_for(
     iterations: int | None = None,
     **options: Any,
 ) -> SolverSettings:
-    """Settings of ``solver`` (CVXPY's name) at ``tolerance``, whatever it calls its options.
+    """Returns settings of ``solver`` (CVXPY's name) at a ``tolerance``, whatever its options are
+    called.
 
     Without a tolerance they are those of the ladder; ``iterations`` are the most it may take;
     ``options`` win over the table's.
@@ -176,7 +180,8 @@ def settings_for(
 
 
 def check_installed(settings: SolverSettings) -> None:
-    """Refuse a solver that CVXPY cannot find, and our own where it is not compiled."""
+    """Raises ModelError for a solver that CVXPY cannot find, and for our own where it is not
+    compiled."""
     name, row = settings.name, settings.row
     if row.plug_in is None and name not in installed():
         known = sorted({*SOLVERS, *SOLVER_MAP_CONIC, *SOLVER_MAP_QP})
@@ -191,15 +196,16 @@ def check_installed(settings: SolverSettings) -> None:
 
 
 def able(with_cones: bool = False) -> list[str]:
-    """Solvers that can be put on a ladder here; those that take second-order cones only."""
+    """Returns the names of solvers that can be put on a ladder here: of all, or only of those that
+    take second-order cones."""
     names = {name for name, row in SOLVERS.items() if row.plug_in is not None} | installed()
     names -= UNBUILT
     return sorted(n for n in names if SolverSettings(n).row.has_cones or not with_cones)
 
 
 def versions(solvers: Iterable[str]) -> dict[str, str]:
-    """Versions by distribution: cvxlimit, CVXPY, and solvers by their names; ``"unknown"`` for what
-    is not installed as a distribution.
+    """Returns versions by distribution, of cvxlimit, CVXPY and the solvers with these names;
+    ``"unknown"`` for one that is not installed as a distribution.
 
     >>> list(versions(["HIGHS", "CLARABEL", "BLOCKWISE"]))
     ['cvxlimit', 'cvxpy', 'blockwise', 'clarabel', 'highspy']
@@ -215,5 +221,5 @@ def versions(solvers: Iterable[str]) -> dict[str, str]:
 
 @cache
 def installed() -> frozenset[str]:
-    """Names of the solvers that CVXPY finds, of those for convex problems."""
+    """Returns the names of solvers for convex problems that CVXPY finds."""
     return frozenset(cp.installed_solvers()) & {*SOLVER_MAP_CONIC, *SOLVER_MAP_QP}

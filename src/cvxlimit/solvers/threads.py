@@ -9,13 +9,14 @@ from threadpoolctl import ThreadpoolController
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """BLAS with one thread for a while. Small blocks gain nothing from more, which wait for each
-    other on a busy machine: with all cores taken, runs with four took 1.8 times as long as with
-    one."""
+    """Returns a context in which BLAS has one thread. Small blocks gain nothing from more, which
+    wait for each other on a busy machine: with all cores taken, runs with four threads took 1.8
+    times as long as with one."""
     return _controller().limit(limits=1, user_api="blas")
 
 
 @cache
 def _controller() -> ThreadpoolController:
-    """Looking for libraries takes 3 ms, which is a tenth of a small problem."""
+    """Returns the controller of BLAS, made once: looking for libraries takes 3 ms, which is a tenth
+    of a small problem."""
     return ThreadpoolController()
