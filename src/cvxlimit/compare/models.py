@@ -1,4 +1,4 @@
-"""What is compared, one class per kind of method, and the rows that come of it."""
+"""Methods that are compared, one class per kind, and the rows of their results."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from cvxlimit.surfaces import Cone, Facets, YieldSurface
 from cvxlimit.surfaces.coulomb import surfaces_of
 
 PHASES = ("detect", "compile", "reparametrise", "solve", "certify")
-"""What is timed apart: contact detection, building and canonicalising the problem, the same again
-for changed Parameters, the solver, and the bracket."""
+"""Phases that are timed separately: contact detection, building and canonicalising the problem, the
+same again for changed Parameters, the solver, and the bracket."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One method on one scene: one run of it, or medians over several; None where it has no figure.
+    """One method on one scene: one run, or medians over several; None where there is no figure.
 
     ``error`` is relative to the reference, so that what a linearisation loses counts. Seconds by
     phase, and in ``total`` from the scene to the answer, contact detection included; memory in
@@ -81,12 +81,12 @@ class Row:
 
     @classmethod
     def of(cls, solution: Solution, started: float) -> Row:
-        """One run that began at ``started`` on the clock of :func:`time.perf_counter`."""
-        found = solution.bracket
+        """Returns the row of one run that began at ``started``, by :func:`time.perf_counter`."""
+        bracket = solution.bracket
         seconds: dict[str, Any] = {k: v for k, v in solution.seconds.items() if k in PHASES}
         return cls(
             status=str(solution.status), load_factor=solution.load_factor,
-            lower=known(found.lower), upper=known(found.upper),
+            lower=known(bracket.lower), upper=known(bracket.upper),
             total=time.perf_counter() - started, **seconds,
         )  # fmt: skip
 
@@ -100,7 +100,7 @@ class Row:
 
     @property
     def truth(self) -> Bracket:
-        """The reference; unbounded where it has an end open."""
+        """The reference's bracket; without bounds where one of them is missing."""
         ends = self.reference_lower, self.reference_upper
         return Bracket() if None in ends else Bracket(*ends)  # type: ignore[arg-type]
 
@@ -125,10 +125,10 @@ class Method(ABC):
 
     @abstractmethod
     def measure(self, scene: Scene) -> Row:
-        """Run once, timed by phase; ``scene`` has not looked for contacts yet."""
+        """Returns the row of one run, timed by phase; ``scene`` has not looked for contacts yet."""
 
     def axes(self) -> dict[str, Any]:
-        """Columns of the results that describe the method."""
+        """Returns the columns of the results that describe the method."""
         return {"interaction": self.interaction, "moments": self.moments}
 
 

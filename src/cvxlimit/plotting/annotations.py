@@ -1,4 +1,4 @@
-"""What is drawn besides blocks: joints, arrows of loads, places to look at, crushed zones, ties."""
+"""What is drawn besides blocks: joints, arrows of loads, marks, crushed zones and ties."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LONGEST, SHORTEST = 0.15, 0.05
 
 
 class JointKind(IntEnum):
-    """How a contact lies to the dead load."""
+    """How a contact lies with respect to the dead load."""
 
     BED = 1
     HEAD = 2
@@ -37,8 +37,8 @@ class JointKind(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Marking:
-    """Contacts to be outlined: what each is, by code; codes with a text are in the legend;
-    ``width`` (n,) is each line's share of the widest."""
+    """Contacts to be outlined: the ``kind`` (n,) of each, with colours and texts by kind; kinds
+    with a text are in the legend, and ``width`` (n,) is each line's width over the widest."""
 
     contacts: Contacts
     kind: IntArray
@@ -49,7 +49,8 @@ class Marking:
 
 @dataclass(frozen=True, eq=False)
 class Decal:
-    """A flat convex shape (k, 3) that lies on a block (index in the scene) and moves with it."""
+    """A flat convex shape: corners (k, 3) on a block (its number in the scene), with which it
+    moves."""
 
     points: FloatArray
     block: int
@@ -59,8 +60,8 @@ class Decal:
 
 @dataclass(frozen=True)
 class Arrow:
-    """A force as drawn: from ``tail`` to ``tip`` (3,), of a load case, and what it is in words;
-    whether it is the ``total`` of what acts on all blocks."""
+    """A force as drawn: from ``tail`` to ``tip`` (3,), with its load case, a text, and whether it
+    is the ``total`` of what acts on all blocks."""
 
     tail: tuple[float, ...]
     tip: tuple[float, ...]
@@ -71,7 +72,7 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Mark:
-    """A place (3,) that needs a look, and why in words."""
+    """A place ``at`` (3,) that needs a look, with a text that says why."""
 
     at: tuple[float, ...]
     text: str
@@ -79,8 +80,8 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
-    """Arrows and marks of a scene, and ids of blocks to blame for a refusal; of load cases whose
-    arrows are to scale the length of a unit of force (``each``)."""
+    """Arrows and marks of a scene, the ids of blocks to blame for a ``refusal``, and the length of
+    a unit of force for each load case whose arrows are to scale (``each``)."""
 
     arrows: tuple[Arrow, ...] = ()
     marks: tuple[Mark, ...] = ()
@@ -90,7 +91,8 @@ class Annotations:
 
 
 def annotated(scene: Scene, refusal: InputError | None = None) -> Annotations:
-    """Loads, near misses and what ``refusal`` blames; contacts are not asked for with one."""
+    """Returns loads and near misses, or with a ``refusal`` loads and what it blames; contacts are
+    then not looked for."""
     if refusal is None:
         unit = scene.units.length
         misses = (Mark(tuple(m.place.tolist()), m.sentence(unit)) for m in scene.near_misses)
@@ -102,8 +104,8 @@ def annotated(scene: Scene, refusal: InputError | None = None) -> Annotations:
 
 
 def loads_to_scale(scene: Scene, live: float) -> Annotations:
-    """Loads at a load factor: the arrows of each case are as long as its forces, a tiny one a
-    dot. Each case has a scale of its own, since a push may be a hundredth of the weights."""
+    """Returns the loads at load factor ``live``, arrows in proportion to forces. Each case has a
+    scale of its own, since a push may be a hundredth of the weights."""
     notes = annotated(scene)
     each, arrows = dict[str, float](), list[Arrow]()
     for case, load in (("dead", scene.dead), ("live", scene.live)):
@@ -123,7 +125,7 @@ def loads_to_scale(scene: Scene, live: float) -> Annotations:
 
 
 def refused(scene: Scene) -> InputError | None:
-    """Why the scene's geometry is refused, None if it is not."""
+    """Returns why the scene's geometry is refused, None if it is not."""
     try:
         len(scene.contacts)
     except InputError as error:
@@ -132,6 +134,7 @@ def refused(scene: Scene) -> InputError | None:
 
 
 def joint_kinds(scene: Scene, contacts: Contacts) -> IntArray:
+    """Returns the :class:`JointKind` (n,) of each contact, by its inclination."""
     steep = np.abs(contacts.axes[:, 2] @ upright(scene))
     kind = np.full(len(contacts), JointKind.SLOPING, dtype=np.int64)
     kind[steep >= np.cos(np.radians(LEVEL_WITHIN))] = JointKind.BED
@@ -140,6 +143,8 @@ def joint_kinds(scene: Scene, contacts: Contacts) -> IntArray:
 
 
 def _arrows(scene: Scene) -> Iterator[Arrow]:
+    """Yields an arrow for each part of both loads, with lengths between ``SHORTEST`` and
+    ``LONGEST``."""
     for case, load in (("dead", scene.dead), ("live", scene.live)):
         parts = list(_parts(scene, load))
         largest = max((float(np.linalg.norm(force)) for _, force, _ in parts), default=0.0)
@@ -157,6 +162,7 @@ def _arrows(scene: Scene) -> Iterator[Arrow]:
 
 
 def _parts(scene: Scene, load: Load) -> Iterator[tuple[FloatArray, FloatArray, str]]:
+    """Yields point of action (3,), force (3,) and text of each part of a load."""
     blocks = [scene.blocks[i] for i in scene.free]
     body = replace(load, forces={}, points=(), pressures=(), weights={}).actions(blocks)
     total = body.force.sum(axis=0)
@@ -182,20 +188,23 @@ def _parts(scene: Scene, load: Load) -> Iterator[tuple[FloatArray, FloatArray, s
 
 
 def _pressure_text(pressure: Pressure, scene: Scene) -> str:
+    """Returns a pressure in words, with its units."""
     units = f"{scene.units.force}/{scene.units.length}"
-    said = f"pressure {pressure.pressure:.4g} {units}\u00b2"
+    text = f"pressure {pressure.pressure:.4g} {units}\u00b2"
     slope = float(np.linalg.norm(pressure.gradient))
-    return f"{said} that grows by {slope:.4g} {units}\u00b3" if slope else said
+    return f"{text} that grows by {slope:.4g} {units}\u00b3" if slope else text
 
 
 CRUSHED_COLOUR, TIE_COLOUR, YIELDING_COLOUR = "#7a1010", "#5d6b82", "#0a7d4f"
 
 _AT_STRENGTH = 1e-3
-"""Share of the strength that may be missing where a contact or a tie counts as yielding."""
+"""Share of its strength that a contact or a tie may lack and still counts as yielding."""
 
 
 def crushed_zones(scene: Scene, forces: FloatArray) -> dict[int, FloatArray]:
-    """Corners (4, 3) of the zone of each contact that crushes, for forces (n, 6).
+    """Returns the corners (4, 3) of the crushed zone by number of the contact.
+
+    ``forces`` (n, 6) are V1 V2 N M1 M2 MT, N > 0 in compression.
 
     A contact crushes where the pressure that its normal force and moments need is the strength: on
     the effective rectangle around the pressure centre (Eq. 26), which no smaller one could bear.
@@ -217,6 +226,7 @@ def crushed_zones(scene: Scene, forces: FloatArray) -> dict[int, FloatArray]:
 
 
 def yielding(scene: Scene, forces: FloatArray) -> BoolArray:
+    """Returns whether each tie yields under contact forces (n, 6), of which ties are the last."""
     if not scene.ties:
         return np.zeros(0, dtype=bool)
     tension = -forces[-len(scene.ties) :, COLUMN["N"]]
@@ -226,8 +236,8 @@ def yielding(scene: Scene, forces: FloatArray) -> BoolArray:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A crushed zone, or a tie as a line: its ``points`` (k, 3), and how far the drawn mechanism
-    ``moves`` them; what it is, and what the legend calls its kind."""
+    """A crushed zone, or a tie as a line: its ``points`` (k, 3), their movements in the drawn
+    mechanism (``moves``, (k, 3)), a text about it, and the ``label`` of its kind in the legend."""
 
     points: FloatArray
     moves: FloatArray
@@ -241,6 +251,7 @@ class Shape:
 
 
 def shapes_of(scene: Scene, solution: Solution, moving: Motion) -> list[Shape]:
+    """Returns the crushed zones and the ties of a solution, as the drawn mechanism moves them."""
     forces = contact_forces(scene, solution)
     if forces is None:
         return []

@@ -1,4 +1,4 @@
-"""Pictures of load domains: what is carried, what is ruled out, and the strip between them."""
+"""Pictures of load domains: loads that are carried, loads that are ruled out, and those between."""
 
 from __future__ import annotations
 
@@ -29,10 +29,11 @@ def draw_domain(
     path: str | os.PathLike[str] | None = None,
     **options: Any,
 ) -> Any:
-    """One load domain or several, nested: in the plane a figure, of three loads a page to turn.
+    """Draws one load domain or several nested ones: two loads as a figure, three as a page to turn.
 
-    Inside is dark, what half-spaces leave beyond it light; points are those that were solved for,
-    and hollow where a mirror plane made them. Where nothing holds between points, they stand alone.
+    The region that is proved to be carried is dark, and the strip between it and what half-spaces
+    rule out is light. Points were solved for; hollow ones are their mirror images. Where nothing is
+    proved between points, they stand alone.
 
     Parameters
     ----------
@@ -52,19 +53,20 @@ def draw_domain(
     ModelError
         If Matplotlib is not installed.
     """
-    given = list(domains) if isinstance(domains, Sequence) else [domains]
+    each = list(domains) if isinstance(domains, Sequence) else [domains]
     suffix = "" if path is None else Path(path).suffix.lower()
-    is_figure = len(given[0].units) == 2 or bool({"ax", "figsize"} & options.keys())
+    is_figure = len(each[0].units) == 2 or bool({"ax", "figsize"} & options.keys())
     if suffix == ".html" and options:
         raise InputError(f"a page has no {min(options)}: leave it out, or name a .png")
     if suffix == ".html" or not (suffix or is_figure):
-        made: Any = domain_page(given)
+        picture: Any = domain_page(each)
     else:
-        made = _drawn(given, **options)
-    return made if path is None else saved(made, path, options)
+        picture = _drawn(each, **options)
+    return picture if path is None else saved(picture, path, options)
 
 
 def _drawn(domains: Sequence[Any], **options: Any) -> Any:
+    """Returns the figure of domains of the same two or three loads."""
     is_flat = len(domains[0].units) == 2
     chart = figures("chart").Chart.of(options, (6.2, 5.4), None if is_flat else "3d")
     ax = chart.axes
@@ -102,12 +104,12 @@ def _draw_flat(
         ax.fill(*ring.T, color=colour, alpha=0.45 * shade, lw=0, zorder=1.5)
         ax.plot(*np.vstack([ring, ring[:1]]).T, color=colour, lw=1.2, zorder=2.5, label=label)
     for is_mirrored in (False, True):
-        found = [s.point for s in domain.supports
+        points = [s.point for s in domain.supports
                  if s.point is not None and s.is_mirrored == is_mirrored]  # fmt: skip
-        if found:
+        if points:
             face = "white" if is_mirrored else colour
             alone = "proved one by one" if not len(inside) and not is_mirrored else None
-            ax.plot(*np.array(found).T, "o", ms=3.5, mfc=face, mec=colour, mew=0.8, zorder=3,
+            ax.plot(*np.array(points).T, "o", ms=3.5, mfc=face, mec=colour, mew=0.8, zorder=3,
                     ls="none", label=alone)  # fmt: skip
 
 
@@ -121,10 +123,10 @@ def _draw_solid(
 
     if len(inside):
         solid = inside[_alike(_faces(inside))]
-        made = Poly3DCollection(
+        body = Poly3DCollection(
             solid, facecolors=colour, edgecolors="white", lw=0.4, alpha=0.85, shade=True
         )
-        ax.add_collection3d(made, autolim=False)
+        ax.add_collection3d(body, autolim=False)
     else:
         ax.plot(*domain.points.T, "o", ms=3, color=colour)
     lines = outside[_alike([[*f, f[0]] for f in _faces(outside)])]
@@ -137,15 +139,15 @@ def _draw_solid(
 
 
 def _alike(faces: Sequence[Sequence[int]]) -> IntArray:
-    """Faces with corners repeated until all have as many: Matplotlib 3.10 fills up those that are
-    shorter with numbers that nobody set, and warns of them. Evenly, since three corners a third of
-    the way apart give the normal to shade by."""
+    """Returns faces with corners repeated until all have equally many: Matplotlib 3.10 fills up
+    those that are shorter with numbers that nobody set, and warns of them. Evenly, since three
+    corners a third of the way apart give the normal to shade by."""
     most = max(map(len, faces), default=0)
     return np.array([[f[k * len(f) // most] for k in range(most)] for f in faces], dtype=int)
 
 
 def domain_page(domains: Sequence[Any]) -> Page:
-    """The domains as a page to turn, in one file; two loads lie in a plane of it."""
+    """Returns the domains as a page to turn, in one file; those of two loads are plane there."""
     first = domains[0]
     data: dict[str, Any] = {
         "title": _title(domains), "names": list(first.names), "bodies": [],
@@ -169,7 +171,7 @@ def domain_page(domains: Sequence[Any]) -> Page:
 
 
 def domain_html(domain: Any) -> str:
-    """Figures of a domain beside its picture, for notebooks."""
+    """Returns the domain's data beside its picture as HTML, for notebooks."""
     rows = [
         ("loads", ", ".join(domain.names)),
         ("largest gap", domain.gap_said if domain.is_convex else "points one by one"),
@@ -198,7 +200,7 @@ def _title(domains: Sequence[Any]) -> str:
 
 
 def around(corners: FloatArray) -> IntArray:
-    """The order of a convex polygon's corners (n, 2)."""
+    """Returns the order (n,) of a convex polygon's corners (n, 2) around it."""
     arm = corners - corners.mean(axis=0)
     size = np.abs(arm).max(axis=0)
     arm = arm / np.where(size > 0.0, size, 1.0)
@@ -206,7 +208,7 @@ def around(corners: FloatArray) -> IntArray:
 
 
 def _faces(corners: FloatArray) -> list[list[int]]:
-    """Faces of the hull of corners (n, k), each a polygon; few corners, or flat ones, are one."""
+    """Returns the faces of the convex hull of corners (n, k) as polygons, one if they are flat."""
     if len(corners) < 3:
         return [list(range(len(corners)))]
     if corners.shape[1] == 2:

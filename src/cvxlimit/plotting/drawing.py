@@ -78,6 +78,7 @@ class SceneFigure(Figure, Saved):
 
 
 def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> Drawing:
+    """Returns what is drawn of a scene without an answer, with its ``refusal`` if there is one."""
     moving = still(scene)
     marking = None if refusal else look.scene_joints(scene)
     camera, notes = camera_for(scene, moving, viewer), annotated(scene, refusal)
@@ -85,11 +86,13 @@ def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> D
 
 
 def drawn(drawing: Drawing, sheet: Sheet | None = None) -> SceneFigure:
+    """Returns the figure of a drawing on a ``sheet``."""
     return assembled(drawing, seen(drawing), sheet or Sheet())[0]
 
 
 def assembled(drawing: Drawing, picture: Seen, sheet: Sheet) -> tuple[SceneFigure, list[Artist]]:
-    """A figure around a scene, and the artists of what moves in it."""
+    """Returns a figure around a scene, and the artists of what moves in it."""
+    # Places of all parts in inches, then a figure of that size, or the caller's axes.
     parts = _Parts.of(drawing, picture, sheet)
     if sheet.ax is None:
         figure: Any = SceneFigure(parts.size, dpi=PAPER.dpi, facecolor="white")
@@ -101,6 +104,7 @@ def assembled(drawing: Drawing, picture: Seen, sheet: Sheet) -> tuple[SceneFigur
     axes.set_xlim(parts.low[0], parts.low[0] + parts.size[0] / parts.fit.scale)
     axes.set_ylim(parts.low[1], parts.low[1] + parts.size[1] / parts.fit.scale)
     axes.set_aspect("equal")
+    # The scene, and over it arrows, lines, dots, shapes and coordinates; then texts and scales.
     weight = min(1.0, max(0.5, float(parts.fit.taken.max()) / PAPER.fine))
     moved = draw_seen(axes, picture, weight, drawing.glass)
     _draw_notes(axes, drawing, weight)
@@ -144,7 +148,8 @@ def thumbnail(
 
 
 def draw_seen(axes: Axes, picture: Seen, weight: float, glass: bool = False) -> list[Artist]:
-    """Faces, outlines and joints as vectors; lines ``weight`` times as wide as they say."""
+    """Draws faces, outlines and joints, lines ``weight`` times as wide as stated, and returns
+    them."""
     line = 0.55 * weight
     added: list[Artist] = []
     if picture.ghost.rings:
@@ -168,7 +173,7 @@ def draw_seen(axes: Axes, picture: Seen, weight: float, glass: bool = False) -> 
 
 
 def _fills(axes: Axes, fills: Sequence[Fill], seam: float) -> Artist:
-    """Regions, with a hairline of their own colour: without it paper shows between neighbours."""
+    """Draws regions with a hairline of their own colour, without which paper shows between them."""
     paths = [
         Path.make_compound_path(*(Path(ring, closed=True) for ring in fill.rings)) for fill in fills
     ]
@@ -209,6 +214,7 @@ def _draw_arrow(
 
 
 def _draw_notes(axes: Axes, drawing: Drawing, weight: float) -> None:
+    """Draws arrows of loads and rings at places to look at."""
     for arrow in drawing.notes.arrows:
         ends = drawing.camera.project(np.array([arrow.tail, arrow.tip]))[:, :2]
         _draw_arrow(axes, ends, look.CASE_COLOURS[arrow.case], 2.2 * weight, 7.5, halo=True)
@@ -219,6 +225,7 @@ def _draw_notes(axes: Axes, drawing: Drawing, weight: float) -> None:
 
 
 def _draw_lines(axes: Axes, drawing: Drawing, lines: Lines, weight: float) -> None:
+    """Draws forces as lines, or as arrows where these have heads, thick ones last."""
     ends = drawing.camera.project(lines.ends.reshape(-1, 3))[:, :2].reshape(-1, 2, 2)
     opacity = np.ones(len(ends)) if lines.opacity is None else lines.opacity
     colours = np.array([to_rgba(lines.colour, a) for a in opacity.tolist()]).reshape(-1, 4)
@@ -239,6 +246,7 @@ def _draw_lines(axes: Axes, drawing: Drawing, lines: Lines, weight: float) -> No
 
 
 def _draw_dots(axes: Axes, drawing: Drawing, weight: float) -> None:
+    """Draws pressure centres, smaller where there are many."""
     if drawing.dots is not None and len(drawing.dots):
         at = drawing.camera.project(drawing.dots)[:, :2]
         size = weight * float(np.clip(60.0 / np.sqrt(len(at)), 1.2, 4.0))
@@ -247,6 +255,7 @@ def _draw_dots(axes: Axes, drawing: Drawing, weight: float) -> None:
 
 
 def _draw_shapes(axes: Axes, drawing: Drawing, weight: float) -> None:
+    """Draws crushed zones and ties where the mechanism moves them."""
     for shape in drawing.shapes:
         flat = drawing.camera.project(shape.points + shape.moves)[:, :2]
         if shape.is_zone:
@@ -257,6 +266,7 @@ def _draw_shapes(axes: Axes, drawing: Drawing, weight: float) -> None:
 
 
 def _draw_axes(axes: Axes, coordinates: Coordinates, scale: float) -> None:
+    """Draws coordinate axes with ticks and numbers."""
     ticks = [np.stack([at, at + away / scale]) for at, away in coordinates.ticks]
     axes.add_collection(
         LineCollection([*coordinates.lines, *ticks], colors=INK, linewidths=0.8, zorder=3),
@@ -292,31 +302,34 @@ class _Parts:
 
     @classmethod
     def of(cls, drawing: Drawing, picture: Seen, sheet: Sheet) -> _Parts:
-        points, given = _points(drawing, picture), sheet.size
-        width = given[0] if given else _automatic(points)
+        # The width decides the size of letters, and how many lines title and caption take.
+        points, stated = _points(drawing, picture), sheet.size
+        width = stated[0] if stated else _automatic(points)
         letters = Letters(width)
         inner = width - 2.0 * PAPER.pad
         refusal = drawing.notes.refusal
         title = drawing.heading if sheet.title is None else sheet.title
-        said = f"refused: {refusal}" if refusal else drawing.caption
+        caption = f"refused: {refusal}" if refusal else drawing.caption
         heading = lines_of(title, letters.heading, inner)
-        below = lines_of(look.printable(said) if title else "", letters.caption, inner)
+        below = lines_of(look.printable(caption) if title else "", letters.caption, inner)
         keys = [*contents_keys(drawing), *notes_keys(drawing.notes)] if sheet.legend else []
         texts = [str(key.get_label()) for key in keys]
         columns = columns_of(texts, letters.key, inner) if keys else 1
         rows = -(-len(keys) // columns)
+        # Room above for texts and scales, below for the legend, beside or below for the colour bar.
         top = PAPER.pad + PAPER.point * (
             1.3 * letters.heading * len(heading) + 1.35 * letters.caption * len(below)
         )
         foot = PAPER.pad + PAPER.point * 1.5 * letters.key * rows
-        bar_label, bar_room = _bar_room(drawing.bar, letters, inner, given and given[1])
+        bar_label, bar_room = _bar_room(drawing.bar, letters, inner, stated and stated[1])
         top += PAPER.scale_room * bool(drawing.scales)
         side = bar_room if letters.is_wide else 0.0
         foot += 0.0 if letters.is_wide else bar_room
-        tallest = given[1] if given else top + foot + PAPER.tallest
+        # The scene takes what is left, in the middle of it.
+        tallest = stated[1] if stated else top + foot + PAPER.tallest
         room = np.array([inner - side, max(tallest - top - foot - 2.0 * PAPER.pad, 0.3 * tallest)])
         fit, coordinates = _in_view(drawing, points, letters, room)
-        height = given[1] if given else top + foot + 2.0 * PAPER.pad + float(fit.taken[1])
+        height = stated[1] if stated else top + foot + 2.0 * PAPER.pad + float(fit.taken[1])
         room[1] = height - top - foot - 2.0 * PAPER.pad
         place = np.array([PAPER.pad, foot + PAPER.pad]) + 0.5 * np.maximum(room - fit.taken, 0.0)
         bar = None
@@ -330,7 +343,7 @@ class _Parts:
         )  # fmt: skip
 
     def write(self, host: Any, axes: Axes, drawing: Drawing) -> None:
-        """Title, caption, legend and colour bar, onto a figure or into axes."""
+        """Writes title, caption, legend and colour bar onto a figure or into axes."""
         width, height = self.size
         across = host.transFigure if isinstance(host, Figure) else host.transAxes
         colour = look.MARK_COLOUR if drawing.notes.refusal else INK
@@ -363,8 +376,8 @@ class _Parts:
             shown.ax.tick_params(labelsize=self.letters.tick, pad=2.0, length=2.5)
 
     def write_scales(self, axes: Axes, drawing: Drawing, weight: float) -> None:
-        """Bars as long as round forces in a row above the scene, one for each kind of arrow that is
-        to scale."""
+        """Draws in a row above the scene, for each kind of arrow to scale, a bar as long as a round
+        force."""
         y = self.size[1] - 0.5 * PAPER.scale_room - PAPER.pad - PAPER.point * (
             1.3 * self.letters.heading * len(self.heading)
             + 1.35 * self.letters.caption * len(self.said)
@@ -386,13 +399,13 @@ class _Parts:
 
 
 def _round_below(value: float) -> float:
-    """1, 2 or 5 times a power of ten, not above a value."""
+    """Returns the largest of 1, 2 and 5 times a power of ten that is not above ``value``."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(k * power for k in (1, 2, 5) if k * power <= value))
 
 
 def _points(drawing: Drawing, picture: Seen) -> FloatArray:
-    """All that must be in view, on the picture (n, 2)."""
+    """Returns points (n, 2) of the picture that must be in view."""
     spots = [np.array([mark.at for mark in drawing.notes.marks]).reshape(-1, 3)]
     spots += [np.array([arrow.tail, arrow.tip]) for arrow in drawing.notes.arrows]
     spots += [shape.points + shape.moves for shape in drawing.shapes]
@@ -405,7 +418,7 @@ def _points(drawing: Drawing, picture: Seen) -> FloatArray:
 def _in_view(
     drawing: Drawing, points: FloatArray, letters: Letters, room: FloatArray
 ) -> tuple[Fit, Coordinates | None]:
-    """How the scene and its axes lie in ``room`` (2,) inches."""
+    """Returns how the scene lies in ``room`` (2,) inches, and its coordinate axes if it has any."""
     if not drawing.has_axes:
         return fitted(points, (), room), None
     fit = fitted(points, (), 0.85 * room)
@@ -416,7 +429,7 @@ def _in_view(
 
 
 def _automatic(points: FloatArray) -> float:
-    """Width in inches of a figure that nobody gave a size."""
+    """Returns the width in inches of a figure whose size was not stated."""
     width, height = np.ptp(points, axis=0)
     scale = min(PAPER.widest / width, PAPER.tallest / height)
     return float(max(scale * width + 1.7, PAPER.narrowest))
@@ -425,7 +438,7 @@ def _automatic(points: FloatArray) -> float:
 def _bar_room(
     bar: Bar | None, letters: Letters, inner: float, height: float | None
 ) -> tuple[str, float]:
-    """The bar's label in lines, and inches beside or below the scene."""
+    """Returns the bar's label in lines, and the inches it takes beside or below the scene."""
     if bar is None:
         return "", 0.0
     length = 0.6 * (height or 0.6 * inner) if letters.is_wide else inner

@@ -1,4 +1,4 @@
-"""Where things stand on a figure: sizes of letters, words in lines, the scene in what is left."""
+"""The layout of a figure: sizes of letters, lines of text, legends, and the scale of the scene."""
 
 from __future__ import annotations
 
@@ -27,16 +27,32 @@ from cvxlimit.plotting.contents import Drawing
 
 @dataclass(frozen=True)
 class Paper:
-    """Measures of figures.
+    """Measures of figures, in inches where nothing else is said.
 
-    In inches: a ``point``; ``widest`` and ``tallest``, what the scene may take where nobody
-    says how large a figure is, and ``narrowest``, the least width of such a figure, for title
-    and legend; ``pad`` between parts and at the edge; ``scale_room`` above the scene for each
-    bar that states a scale of forces; ``fine``, the scene from which on lines are as wide as
-    they say (in smaller pictures finer); ``wide``, from which on a colour bar stands at the
-    side, not below; ``tick`` marks. ``least`` points have the smallest letters, unless
-    ``font.size`` is smaller; ``key_room`` is a legend's handle with the spaces beside it, in
-    sizes of letters.
+    Attributes
+    ----------
+    point : float
+        A typographic point.
+    widest, tallest : float
+        Room of the scene in a figure whose size nobody states.
+    narrowest : float
+        Least width of such a figure, for title and legend.
+    pad : float
+        Space between parts and at the edge.
+    scale_room : float
+        Height of a row of bars that state scales of forces.
+    fine : float
+        Size of a scene below which lines are drawn finer.
+    wide : float
+        Width from which a colour bar stands beside the scene and not below it.
+    tick : float
+        Length of tick marks.
+    least : float
+        Smallest letters, in points, unless ``font.size`` is smaller.
+    key_room : float
+        Handle of a legend's entry with the spaces beside it, in sizes of letters.
+    dpi : int
+        Pixels per inch.
     """
 
     point: float = 1.0 / 72.0
@@ -59,12 +75,12 @@ KEYS = {
     "frameon": False, "handlelength": 1.1, "handleheight": 0.9, "columnspacing": 1.3,
     "handletextpad": 0.6, "borderpad": 0.0, "borderaxespad": 0.0, "labelspacing": 0.3,
 }  # fmt: skip
-"""Of all legends."""
+"""Settings of all legends."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """What a caller says of the figure; see :func:`cvxlimit.plotting.picture`."""
+    """What the caller of :func:`cvxlimit.plotting.picture` states about the figure."""
 
     ax: Any = None
     figsize: tuple[float, float] | None = None
@@ -81,7 +97,8 @@ class Sheet:
 
     @property
     def size(self) -> tuple[float, float] | None:
-        """Inches: those given, of ``ax``, or of Matplotlib's settings where they were changed."""
+        """Width and height in inches: those of ``ax``, those stated, or those of Matplotlib's
+        settings where they were changed; None otherwise."""
         if self.ax is not None:
             figure = self.ax.get_figure(root=True)
             engine = figure.get_layout_engine()
@@ -90,8 +107,8 @@ class Sheet:
             box = self.ax.get_window_extent()
             return box.width / figure.dpi, box.height / figure.dpi
         changed = list(rcParams["figure.figsize"]) != list(rcParamsDefault["figure.figsize"])
-        given = self.figsize or (rcParams["figure.figsize"] if changed else None)
-        return None if given is None else (float(given[0]), float(given[1]))
+        stated = self.figsize or (rcParams["figure.figsize"] if changed else None)
+        return None if stated is None else (float(stated[0]), float(stated[1]))
 
 
 @dataclass(frozen=True)
@@ -101,10 +118,11 @@ class Letters:
     width: float
 
     def size(self, usual: float) -> float:
-        """``usual`` is that of a wide figure with letters of 10 points."""
-        given = float(rcParams["font.size"])
+        """Returns a size in points, where ``usual`` is that in a wide figure with letters of 10
+        points."""
+        base = float(rcParams["font.size"])
         narrow = min(1.0, max(0.8, self.width / 6.5))
-        return float(max(usual * narrow * given / 10.0, min(PAPER.least, given)))
+        return float(max(usual * narrow * base / 10.0, min(PAPER.least, base)))
 
     def setting(self, name: str) -> float:
         """Returns the size of letters that Matplotlib's settings give a size, such as
@@ -135,15 +153,15 @@ class Letters:
 
 
 def measured(text: str, size: float) -> float:
-    """Width of a line in inches."""
+    """Returns the width in inches of a line of text in letters of ``size`` points."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        found = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), False)
-    return float(found[0]) * PAPER.point
+        extent = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), False)
+    return float(extent[0]) * PAPER.point
 
 
 def lines_of(text: str, size: float, width: float) -> list[str]:
-    """A text in lines that are no wider than ``width`` inches, unless a word is."""
+    """Returns a text in lines no wider than ``width`` inches, unless a single word is."""
     if not text:
         return []
     letters = max(8, int(len(text) * width / max(measured(text, size), 1e-9)))
@@ -155,7 +173,7 @@ def lines_of(text: str, size: float, width: float) -> list[str]:
 
 
 def columns_of(texts: Sequence[str], size: float, width: float) -> int:
-    """Columns of a legend, filled from above, that fit into ``width`` inches."""
+    """Returns the largest number of columns of a legend that fit into ``width`` inches."""
     em = size * PAPER.point
     wide = [measured(text, size) + PAPER.key_room * em for text in texts]
     for columns in range(len(texts), 1, -1):
@@ -203,7 +221,8 @@ class Fit:
 
 
 def fitted(points: FloatArray, words: Sequence[Word], room: FloatArray) -> Fit:
-    """The largest scale at which points (n, 2) and words lie within ``room`` (2,) inches."""
+    """Returns the largest scale at which points (n, 2) and words lie within ``room`` (2,)
+    inches."""
     boxes = np.array([word.box for word in words]).reshape(-1, 4)
     at = np.concatenate([points, np.array([word.at for word in words]).reshape(-1, 2)])
     before = np.concatenate([np.zeros((len(points), 2)), boxes[:, :2]])
@@ -214,6 +233,7 @@ def fitted(points: FloatArray, words: Sequence[Word], room: FloatArray) -> Fit:
         low = (scale * at + before).min(axis=0)
         return low, (scale * at + after).max(axis=0) - low
 
+    # Bisection: words keep their size while points move apart.
     least, most = 0.0, float((room / extent).min())
     for _ in range(50):
         scale = 0.5 * (least + most)
@@ -231,6 +251,7 @@ GLASS_LINE = "#a9adb4"
 
 
 def contents_keys(drawing: Drawing) -> Iterator[Artist]:
+    """Yields the legend's entries about the scene and its answer."""
     marking, moves = drawing.marking, drawing.moving.moves
     if marking is not None:
         for kind in (kind for kind in marking.colours if kind in marking.texts):
@@ -258,6 +279,7 @@ def contents_keys(drawing: Drawing) -> Iterator[Artist]:
 
 
 def notes_keys(notes: Annotations) -> Iterator[Artist]:
+    """Yields the legend's entries about loads, marks and a refusal."""
     if notes.culprits:
         yield Patch(color=look.CULPRIT_COLOUR, label="refused")
     for case in sorted({arrow.case for arrow in notes.arrows}):

@@ -1,4 +1,5 @@
-"""One variation after another: what scenes of the same geometry share is computed once."""
+"""Rows of a sweep: each variation is solved, and what scenes of one geometry share is computed
+once."""
 
 from __future__ import annotations
 
@@ -68,19 +69,20 @@ _CHECKS: dict[str, Callable[[Any], object]] = {
 
 
 class Structures:
-    """Contacts and mechanics of the geometries seen last."""
+    """Contacts and mechanics of the last few geometries, with the problems stated for them."""
 
     def __init__(self) -> None:
         self._known: OrderedDict[str, Assemblage] = OrderedDict()
         self._problems: OrderedDict[object, PatchedProblem | None] = OrderedDict()
 
     def sharing(self, scene: Scene) -> Scene:
-        """The scene with the contacts of one of its geometry, if there was one."""
+        """Returns the scene with the contacts of an earlier one of its geometry, if there was
+        one."""
         known = self._known.get(scene.geometry)
         return scene if known is None else scene.sharing_contacts_of(known.scene)
 
     def mechanics(self, scene: Scene) -> Scene | Assemblage:
-        """The scene with the contacts, equilibrium and factorisation of one of its geometry.
+        """Returns the scene with contacts, equilibrium and factorisation of one of its geometry.
 
         Scenes with ties, and with mortar that bears tension, keep to themselves: their contacts
         follow from more than geometry, their loads from their strength.
@@ -89,15 +91,15 @@ class Structures:
             return scene
         known = self._known.get(scene.geometry)
         if known is None:
-            made = replace(Assemblage.of(scene), repeats=Repeats())
-            _put(self._known, scene.geometry, made)
-            return made
+            assemblage = replace(Assemblage.of(scene), repeats=Repeats())
+            _put(self._known, scene.geometry, assemblage)
+            return assemblage
         self._known.move_to_end(scene.geometry)
         return known.like(scene.sharing_contacts_of(known.scene))
 
     def problem(self, given: Assemblage, options: Row) -> PatchedProblem | None:
-        """The problem of all rows of this geometry under one surface, if they are one convex
-        problem with other numbers."""
+        """Returns the problem of all rows of this geometry under one surface, None if they are not
+        one convex problem with different numbers."""
         if not _is_patched(options):
             return None
         surface = options.get("surface", "conic")
@@ -109,13 +111,17 @@ class Structures:
 
 
 def _put(kept: OrderedDict[Any, Any], key: object, value: object) -> None:
-    """Parameters that change the geometry come in random order; 1,000 contacts take 20 MB."""
+    """Adds an entry to a cache that keeps the last four.
+
+    Parameters that change the geometry come in random order, and 1,000 contacts take 20 MB.
+    """
     kept[key] = value
     if len(kept) > 4:
         kept.popitem(last=False)
 
 
 def _check_option(name: str, value: object) -> None:
+    """Raises ModelError or InputError for an option that :func:`cvxlimit.solve` refuses."""
     if name not in OPTIONS:
         raise ModelError(
             f"solve has no option {name!r}: it has {', '.join(OPTIONS)}; parameters of the scene "
@@ -127,7 +133,7 @@ def _check_option(name: str, value: object) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What is done with every variation: scenes are made, solved and measured."""
+    """What is done with every variation: its scene is built, solved and measured."""
 
     scenes: Callable[..., Scene] | Scene
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -154,12 +160,14 @@ class Study:
         return {k: v for k, v in signature(varied).parameters.items() if k != "scene"}
 
     def split(self, variation: Mapping[str, Any]) -> tuple[Row, Row]:
+        """Returns a variation's parameters of the scene, and its options of the solve."""
         own = self._parameters
         for_solve = {k: v for k, v in variation.items() if k in OPTIONS and k not in own}
         return {k: v for k, v in variation.items() if k not in for_solve}, for_solve
 
     def check(self, variations: Sequence[Mapping[str, Any]]) -> None:
-        """Refuse what cannot be varied, and values of no use, before anything is solved.
+        """Raises errors for what cannot be varied, and for values without a meaning, before any
+        solve.
 
         Values out of their range are rows with an error: others may be good.
         """
@@ -192,7 +200,7 @@ class Study:
             ) from error
 
     def to_be_stored(self) -> Study:
-        """The same for rows that are stored.
+        """Returns the study for rows that are stored, with the digest of all that is asked.
 
         Raises
         ------
@@ -206,8 +214,8 @@ class Study:
         return replace(self, asked=digest(parts, "the sweep"))
 
     def row(self, variation: Mapping[str, Any], known: Structures) -> Row:
-        """The answer to one variation. Where rows are stored, with its identity, and nothing else
-        if that is there already, or with the result file that proves it."""
+        """Returns the answer to one variation. Where rows are stored it has its identity, alone if
+        that is stored already, and otherwise with the result file that proves it."""
         start = time.perf_counter()
         result: Row = dict.fromkeys(FIGURES, np.nan) | dict.fromkeys(TEXTS, "")
         try:
@@ -231,6 +239,7 @@ class Study:
         return result | {"seconds": time.perf_counter() - start}
 
     def _solved(self, scene: Scene, options: Row, known: Structures) -> Row:
+        """Returns the results of one scene, by column."""
         solution = _answer(known, scene, {**self.options, **options})
         figures: Row = {
             "load_factor": np.nan if solution.load_factor is None else solution.load_factor,
@@ -260,6 +269,7 @@ class Study:
 
 
 def _answer(known: Structures, scene: Scene, options: Row) -> Solution:
+    """Returns the solution of a scene, by the shared problem where there is one."""
     given, solution = known.mechanics(scene), None
     problem = known.problem(given, options) if isinstance(given, Assemblage) else None
     if problem is not None and isinstance(given, Assemblage):
@@ -274,7 +284,7 @@ def _answer(known: Structures, scene: Scene, options: Row) -> Solution:
 
 
 def _is_patched(options: Row) -> bool:
-    """True for one convex problem, however much model."""
+    """Returns whether options mean one convex problem, whatever the choice of model."""
     others = options.keys() - {"surface", "method", "tolerance", "solver", "ladder", "model"}
     is_plain = all(options[name] == _USUAL[name] for name in others)
     return (
@@ -283,6 +293,7 @@ def _is_patched(options: Row) -> bool:
 
 
 def packed(study: object) -> bytes:
+    """Returns a study as bytes for other processes; raises ModelError if it cannot be sent."""
     pickler = needed("cloudpickle", "frames", "sweeps over processes")
     try:
         result: bytes = pickler.dumps(study)
@@ -303,7 +314,8 @@ _kept = _Kept()
 
 
 def work(name: str, study: bytes, variations: Sequence[Mapping[str, Any]]) -> list[Row]:
-    """Rows of some variations; the study of that ``name`` is unpacked once per thread."""
+    """Returns the rows of some variations; the study of this ``name`` is unpacked once per
+    thread."""
     seen = _kept.studies
     if name not in seen:
         seen[name] = pickle.loads(study), Structures()

@@ -39,6 +39,7 @@ _ABOUT, _OLD_ABOUT = "_sweep.json", "sweep.json"
 
 
 def key_of(variation: Mapping[str, Any]) -> str:
+    """Returns the digest of a variation; raises InputError for values that cannot be stored."""
     try:
         text = json.dumps({k: _plain(v) for k, v in variation.items()}, sort_keys=True)
     except TypeError as error:
@@ -50,7 +51,8 @@ def key_of(variation: Mapping[str, Any]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """NumPy's numbers as Python's; whole numbers as those of a column with fractions."""
+    """Returns NumPy's numbers as Python's, and whole numbers as floats, as columns may have
+    them."""
     value = value.item() if hasattr(value, "item") else value
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
@@ -105,7 +107,7 @@ class Store:
                 )
 
     def again(self, key: str, variation: Mapping[str, Any], identity: str) -> dict[str, Any]:
-        """A stored row, which is from now on the last one of a variation."""
+        """Returns a stored row, which is from now on the last one of its variation."""
         row = self.rows[identity]
         if self._last.get(key) != identity:
             self._last[key] = identity
@@ -123,6 +125,7 @@ class Store:
             self.flush()
 
     def flush(self) -> None:
+        """Writes the rows that wait, with their proofs, to a file each."""
         if not self._waiting:
             return
         proofs = [{IDENTITY: r[IDENTITY], PROOF: r[PROOF]} for r in self._waiting if r.get(PROOF)]
@@ -138,6 +141,7 @@ class Store:
 
 
 def _parquet(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """Returns rows as the bytes of a Parquet file."""
     buffer = io.BytesIO()
     pandas = needed("pandas", "frames", "sweeps")
     pandas.DataFrame(rows).to_parquet(buffer, index=False, compression="zstd")
@@ -145,7 +149,7 @@ def _parquet(rows: Sequence[Mapping[str, Any]]) -> bytes:
 
 
 def read_sweep(path: str | os.PathLike[str], *, every: bool = False) -> DataFrame:
-    """The rows that a sweep has stored in a folder so far, each variation once.
+    """Returns the rows that a sweep has stored in a folder so far, each variation once.
 
     Where a variation was solved again, because the function that builds its scene was edited or a
     surface of one's own changed, the last row counts; ``every`` gives all of them.
@@ -172,7 +176,7 @@ def read_sweep(path: str | os.PathLike[str], *, every: bool = False) -> DataFram
 
 
 def read_part(part: Path) -> DataFrame:
-    """One file of a folder, which has to be whole."""
+    """Returns the rows of one file; raises InputError if it is damaged."""
     pandas = needed("pandas", "frames", "sweeps")
     needed("pyarrow", "frames", "Parquet files")
     is_proof = part.name.startswith("_")
@@ -192,7 +196,7 @@ def read_part(part: Path) -> DataFrame:
 
 
 def proofs_of(folder: Path) -> dict[str, str]:
-    """Texts of result files by the identity of their rows."""
+    """Returns the texts of result files by the identity of their rows."""
     found = dict[str, str]()
     for part in sorted(folder.glob("part-*.parquet")):
         proof = folder / f"_proof-{part.name.removeprefix('part-')}"
@@ -203,7 +207,7 @@ def proofs_of(folder: Path) -> dict[str, str]:
 
 
 def about_sweep(folder: Path) -> dict[str, Any]:
-    """What a folder is of.
+    """Returns the description of the sweep that a folder holds.
 
     Raises
     ------
