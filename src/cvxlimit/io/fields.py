@@ -36,6 +36,7 @@ _SHORT.maxlevel = 3
 
 
 def shown(value: object) -> str:
+    """Returns a value as a short text in one line."""
     return one_line(_SHORT.repr(value))
 
 
@@ -85,6 +86,7 @@ def _advice(key: object, known: Collection[str]) -> str:
 
 
 def mapping(value: object, where: str) -> dict[str, object]:
+    """Returns a JSON object whose keys are texts, or raises InputError."""
     if not isinstance(value, dict):
         raise InputError(f"{where} must be an object {{...}}, got {shown(value)}")
     for key in value:
@@ -93,12 +95,14 @@ def mapping(value: object, where: str) -> dict[str, object]:
 
 
 def items(value: object, where: str) -> list[object] | tuple[object, ...]:
+    """Returns a JSON list, or raises InputError."""
     if not isinstance(value, (list, tuple)):
         raise InputError(f"{where} must be a list [...], got {shown(value)}")
     return value
 
 
 def text(value: object, where: str) -> str:
+    """Returns a JSON text, or raises InputError."""
     if not isinstance(value, str):
         raise InputError(f"{where} must be a text in quotes, got {shown(value)}")
     if not value.isascii() and any("\ud800" <= c <= "\udfff" for c in value):
@@ -110,6 +114,7 @@ def text(value: object, where: str) -> str:
 
 
 def number(value: object, where: str, largest: float = LARGEST) -> float:
+    """Returns a finite number not beyond ``largest``, or raises InputError."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         cure = "; remove the quotes" if isinstance(value, str) else ""
         if isinstance(value, str) and "," in value:
@@ -137,12 +142,14 @@ def numbers(
 
 
 def whole(value: object, where: str) -> int:
+    """Returns a whole number from 0 on, or raises InputError."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= LARGEST:
         raise InputError(f"{where} must be a whole number from 0 on, got {shown(value)}")
     return value
 
 
 def check_header(value: object, kind: str) -> None:
+    """Raises InputError unless a document says that it is of this ``kind``, in a known version."""
     name = f"cvxlimit-{kind}"
     if not isinstance(value, dict):
         raise InputError(f"a {kind} must be a JSON object {{...}}, got {shown(value)}")
@@ -167,12 +174,13 @@ LARGEST_FILE = 256 * 2**20
 
 
 def read_document(path: Path) -> object:
-    """The JSON value in a file, which refusals do not name: the caller does."""
+    """Returns the JSON value in a file; errors leave the file's name to the caller."""
     return parsed(read_bytes(path))
 
 
 def parsed(data: bytes) -> object:
-    """NaN and Infinity come out as floats, and the check of their field refuses them by name."""
+    """Returns a JSON value; NaN and Infinity become floats, which the check of their field
+    refuses."""
     text = decoded(data)
     if not text.strip():
         raise InputError("the file is empty; expected a JSON object {...}")
@@ -191,6 +199,7 @@ def parsed(data: bytes) -> object:
 
 
 def encoded(document: Mapping[str, object]) -> bytes:
+    """Returns a document as JSON in UTF-8."""
     try:
         return laid_out(document).encode("utf-8")
     except ValueError as error:
@@ -198,12 +207,14 @@ def encoded(document: Mapping[str, object]) -> bytes:
 
 
 def laid_out(document: Mapping[str, object]) -> str:
-    """JSON with one key per line and one block, contact or force per line: to read and to diff."""
+    """Returns JSON with one key, block, contact or force per line, which can be read and
+    compared."""
     lines = [f" {_json(key)}: {_laid_out_value(value)}" for key, value in document.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def file_prefix(path: Path) -> str:
+    """Returns the beginning of an error about a file."""
     return f"{one_line(os.fsdecode(path))}: "
 
 
@@ -250,6 +261,7 @@ def read_bytes(path: Path, is_asked_for: bool = True) -> bytes:
 
 
 def decoded(data: bytes) -> str:
+    """Returns the text of bytes in UTF-8, or raises InputError."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -154,10 +154,12 @@ _FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (2, 3, 7, 6), (0, 3, 7, 4), 
 
 
 def between(id: str, first: FloatArray, second: FloatArray, density: float | None = None) -> Block:
+    """Returns the block between two faces (4, 3)."""
     return Block.polyhedron(id, np.concatenate([first, second]), _FACES, density)
 
 
 def between_all(joints: FloatArray, density: float) -> list[Block]:
+    """Returns the blocks ``v1``, ``v2`` ... between successive joints (n + 1, 4, 3)."""
     return [between(f"v{i}", *ends, density) for i, ends in enumerate(pairwise(joints), start=1)]
 
 
@@ -179,7 +181,8 @@ def radial_joints(
 
 
 def abutment(id: str, joint: FloatArray, angle: float, depth: float) -> Block:
-    """A fixed block: the radial joint at ``angle`` pushed by ``depth`` towards growing angles."""
+    """Returns the block behind the radial joint at ``angle``, ``depth`` long towards larger
+    angles."""
     return between(id, joint, joint + depth * np.array([-np.sin(angle), 0.0, np.cos(angle)]))
 
 

@@ -266,17 +266,19 @@ class _Lintel:
     courses: int
 
     def over(self, opening: Opening) -> Span:
+        """Returns where (from, to) the lintel of an opening lies along the wall."""
         return opening.start - self.bearing, opening.start + opening.width + self.bearing
 
     def rows(self, opening: Opening) -> range:
+        """Returns the courses that the lintel of an opening takes."""
         top = opening.sill + opening.courses
         return range(top, top + self.courses)
 
 
 @dataclass(frozen=True)
 class _Wall:
-    """One wall. ``inset`` is what its ends give way to other walls, in every other course from
-    ``gives_way`` (0 or 1) on."""
+    """One wall. In every other course, from course ``gives_way`` (0 or 1) on, its ends are shorter
+    by ``inset`` (length), where other walls pass through."""
 
     prefix: str
     what: str
@@ -289,6 +291,7 @@ class _Wall:
 
     @property
     def clear(self) -> Span:
+        """The wall from end to end between other walls."""
         return self.inset[0], self.length - self.inset[1]
 
     def check(self, rows: int, lintel: _Lintel) -> None:
@@ -319,15 +322,18 @@ class _Wall:
                     )
 
     def gaps(self, row: int, lintel: _Lintel) -> list[tuple[int, Span]]:
-        found = []
+        """Returns the parts of a course taken by openings and lintels, with the opening's
+        number."""
+        parts = []
         for number, opening in enumerate(self.openings, start=1):
             if row in lintel.rows(opening):
-                found.append((number, lintel.over(opening)))
+                parts.append((number, lintel.over(opening)))
             elif opening.sill <= row < opening.sill + opening.courses:
-                found.append((number, (opening.start, opening.start + opening.width)))
-        return found
+                parts.append((number, (opening.start, opening.start + opening.width)))
+        return parts
 
     def span(self, row: int) -> Span:
+        """Returns where (from, to) a course of the wall lies."""
         return self.clear if row % 2 == self.gives_way else (0.0, self.length)
 
     def course(
@@ -386,13 +392,15 @@ def _walls(
 
 
 def _between(whole: Span, gaps: Sequence[Span], unit: float) -> list[Span]:
+    """Returns what is left of ``whole`` between gaps, without negligible parts."""
     ends = [whole[0], *(end for gap in sorted(gaps) for end in gap), whole[1]]
     parts = zip(ends[::2], ends[1::2], strict=True)
     return [(low, high) for low, high in parts if not is_negligible(high - low, unit)]
 
 
 def _pieces(span: Span, shift: float, unit: float) -> Iterator[Span]:
-    """Units with joints at ``shift`` plus multiples of ``unit``; none close to the span's ends."""
+    """Yields units with joints at ``shift`` plus multiples of ``unit``, none close to the span's
+    ends."""
     nearest = _SHORTEST * unit * (1.0 - 1e-9)  # a quarter that is laid in full is laid
     first = np.ceil((span[0] + nearest - shift) / unit)
     last = np.floor((span[1] - nearest - shift) / unit)
@@ -401,7 +409,7 @@ def _pieces(span: Span, shift: float, unit: float) -> Iterator[Span]:
 
 
 def _bricks(span: Span, length: float, first: float) -> Iterator[Span]:
-    """One of length ``first``, whole ones, a cut one."""
+    """Yields bricks of a course: one of length ``first``, whole ones, and a cut one at the end."""
     (start, end), laid, place = span, span[0], 0
     while not is_negligible(end - laid, length):
         following = start + first + place * length

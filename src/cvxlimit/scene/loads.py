@@ -212,7 +212,8 @@ class Load(RemadeFromFields):
         yield from (pressure.block for pressure in self.pressures)
 
     def check_blocks(self, case: str, blocks: Collection[str], supports: Collection[str]) -> None:
-        """Refuse a load, called ``case``, on what is no block of the scene or is a support."""
+        """Raises InputError if the load, called ``case``, names a support or no block of the
+        scene."""
         for key in self.named:
             if key not in blocks:
                 cure = meant(key, blocks) or "name one of its blocks"
@@ -225,37 +226,39 @@ class Load(RemadeFromFields):
                 )
 
     def on(self, blocks: Iterable[Block]) -> FloatArray:
-        """Generalised forces (n, 6) on ``blocks``, about their centroids; see :meth:`actions`."""
-        known = list(blocks)
-        what = self.actions(known)
-        result = np.zeros((len(known), 6))
-        arms = what.at - np.array([b.centroid for b in known]).reshape(-1, 3)[what.block]
+        """Returns forces and moments (n, 6) on n ``blocks``, fx fy fz mx my mz about their
+        centroids."""
+        loaded = list(blocks)
+        what = self.actions(loaded)
+        result = np.zeros((len(loaded), 6))
+        arms = what.at - np.array([b.centroid for b in loaded]).reshape(-1, 3)[what.block]
         turning = what.moment + np.cross(arms, what.force)
         np.add.at(result, what.block, np.concatenate([what.force, turning], axis=1))
         return result
 
     def actions(self, blocks: Iterable[Block]) -> Actions:
-        """Every single force that the load puts on ``blocks``; entries for others are left out.
+        """Returns every single force of the load on ``blocks``; those on other blocks are left out.
 
         Raises
         ------
         InputError
             If a point load acts far off its block, or a block has no face for its pressure.
         """
-        known = list(blocks)
-        index = {block.id: i for i, block in enumerate(known)}
-        parts = [self._body_forces(known)]
+        loaded = list(blocks)
+        index = {block.id: i for i, block in enumerate(loaded)}
+        # Multiples of weights, then forces at centroids, point loads and pressures.
+        parts = [self._body_forces(loaded)]
         for key, force in self.forces.items():
             if key in index:
-                at = known[index[key]].centroid
+                at = loaded[index[key]].centroid
                 parts.append(_action(index[key], at, force[:3], force[3:]))
         parts += [
-            _point_action(index[p.block], known[index[p.block]], p)
+            _point_action(index[p.block], loaded[index[p.block]], p)
             for p in self.points
             if p.block in index
         ]
         parts += [
-            _action(index[p.block], *p.resultant(known[index[p.block]]))
+            _action(index[p.block], *p.resultant(loaded[index[p.block]]))
             for p in self.pressures
             if p.block in index
         ]
@@ -263,12 +266,14 @@ class Load(RemadeFromFields):
         return Actions(*(np.concatenate([getattr(x, name) for x in parts]) for name in names))
 
     def _body_forces(self, blocks: Sequence[Block]) -> Actions:
+        """Returns the forces that are multiples of the blocks' weights, at their centroids."""
         acting = np.array([b.weight for b in blocks])[:, None] * self.per_weight(blocks)
         at = np.array([b.centroid for b in blocks]).reshape(-1, 3)
         return Actions(np.arange(len(blocks)), at, acting[:, :3], acting[:, 3:])
 
     def per_weight(self, blocks: Sequence[Block]) -> FloatArray:
-        """What a load in multiples of weights puts on blocks whose weight is 1 (n, 6)."""
+        """Returns forces and moments (n, 6) about the centroids per unit of each block's weight, of
+        the parts of the load that are multiples of weights."""
         times = np.zeros((len(blocks), 6))
         for part in (self.gravity, self.acceleration):
             times[:, :3] += 0.0 if part is None else np.array(part)
@@ -279,7 +284,8 @@ class Load(RemadeFromFields):
         return times
 
     def moved(self, rotation: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> Load:
-        """The load after x -> rotation @ x + translation of the scene; ``rotation`` is (3, 3)."""
+        """Returns the load moved with the scene by x -> rotation @ x + translation; ``rotation`` is
+        (3, 3)."""
         turn, shift = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
 
         def turned(vector: Vector) -> Vector:
@@ -301,7 +307,7 @@ class Load(RemadeFromFields):
         )
 
     def scaled(self, length: float, force: float) -> Load:
-        """The load in other units: lengths times ``length``, forces times ``force``.
+        """Returns the load in other units: lengths times ``length``, forces times ``force``.
 
         Multiples of the weight stay as they are.
         """
@@ -324,7 +330,7 @@ class Load(RemadeFromFields):
 
 
 def combined(loads: Sequence[Load], factors: ArrayLike) -> Load:
-    """The sum of loads, each times its factor.
+    """Returns the sum of ``loads``, each times its factor.
 
     >>> combined([Load(acceleration=(1, 0, 0)), Load(acceleration=(0, 1, 0))], [2, 3]).acceleration
     (2.0, 3.0, 0.0)
@@ -342,11 +348,13 @@ def combined(loads: Sequence[Load], factors: ArrayLike) -> Load:
         growing += [
             replace(g, acceleration=tuple(factor * np.array(g.acceleration))) for g in load.growing
         ]
-    given = tuple(acceleration) if acceleration.any() else None
-    return Load(None, given, force, points, pressures, times, growing)  # type: ignore[arg-type]
+    total_acceleration = tuple(acceleration) if acceleration.any() else None
+    return Load(None, total_acceleration, force, points, pressures, times, growing)  # type: ignore[arg-type]
 
 
 def _point_action(i: int, block: Block, point: PointForce) -> Actions:
+    """Returns a point load as an action on block ``i``; raises InputError if it is far off the
+    block."""
     distance = float(np.linalg.norm(point.at - block.centroid))
     reach = float(np.linalg.norm(block.vertices - block.centroid, axis=1).max())
     if distance > REACH * reach:
@@ -358,27 +366,30 @@ def _point_action(i: int, block: Block, point: PointForce) -> Actions:
 
 
 def _action(i: int, at: ArrayLike, force: ArrayLike, moment: ArrayLike) -> Actions:
+    """Returns one force and moment (3,) at a point (3,) of block ``i``."""
     rows = [np.reshape(np.asarray(x, dtype=float), (1, 3)) for x in (at, force, moment)]
     return Actions(np.array([i]), *rows)
 
 
 def _set(target: object, name: str, value: object) -> None:
+    """Sets a field of a frozen dataclass."""
     object.__setattr__(target, name, value)
 
 
 def _vector(value: object, length: int, what: str) -> Vector:
+    """Returns ``length`` finite numbers as a tuple, or raises InputError."""
     return tuple(finite_vector(value, length, what).tolist())
 
 
 def __getattr__(name: str) -> Any:
-    """What finds faces and joints of scenes, which know of loads, is above this module."""
+    """Returns loads from surroundings by name: they need scenes, whose module imports this one."""
     if name in ("earth_pressure", "fill", "hydrostatic", "uplift", "wheel"):
         return getattr(import_module("cvxlimit.scene.surroundings"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 _LISTED = {"points": PointForce, "pressures": Pressure, "growing": GrowingAcceleration}
-"""Parts of a load that are sequences, and of what."""
+"""Fields of a load that are sequences, with the class of their entries."""
 
 GRAVITY = Load(gravity=(0.0, 0.0, -1.0))
 """Dead load of most scenes: own weight along -z."""

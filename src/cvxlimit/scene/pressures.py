@@ -1,4 +1,4 @@
-"""Pressures on faces: uniform, or linear in space as those of water and soil, over what is wet."""
+"""Pressures on faces of blocks: uniform, or linear in space like those of water and soil."""
 
 from __future__ import annotations
 
@@ -117,9 +117,10 @@ class Pressure:
         object.__setattr__(self, name, value)
 
     def resultant(self, block: Block) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Point of application, force and moment there (3,) each, of the pressure on its block.
+        """Returns the pressure's point of application, force and moment about that point, (3,)
+        each.
 
-        Exact. On faces of one plane the point is the centre of pressure, without a moment.
+        They are exact. On faces of one plane the point is the centre of pressure, and the moment 0.
 
         Raises
         ------
@@ -137,7 +138,8 @@ class Pressure:
         return centre, forces.sum(axis=0), np.cross(points - centre, forces).sum(axis=0)
 
     def extent(self, block: Block) -> tuple[float, float]:
-        """The least and the largest pressure at corners of what is loaded."""
+        """Returns the least and the largest pressure on the loaded surface, which occur at its
+        corners."""
         at, corners = np.asarray(self.at or np.zeros(3)), self._triangles(block)
         if self.at is not None and self.within is not None:
             corners = cut_off(corners, (corners - at) @ np.asarray(self.within))
@@ -145,6 +147,8 @@ class Pressure:
         return float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
 
     def _triangles(self, block: Block) -> FloatArray:
+        """Returns triangles (t, 3, 3) of the faces or the polygon under pressure, before any
+        cut."""
         if self.corners is not None:
             middle = np.mean(self.corners, axis=0)
             far = float(np.linalg.norm(block.vertices - block.centroid, axis=1).max())
@@ -169,12 +173,12 @@ class Pressure:
         return corners[(towards >= FACING)[owner]]
 
     def times(self, factor: float) -> Pressure:
-        """The same distribution, ``factor`` times as strong."""
+        """Returns the pressure multiplied by ``factor`` everywhere."""
         gradient = tuple((factor * np.array(self.gradient)).tolist())
         return replace(self, pressure=factor * self.pressure, gradient=gradient)
 
     def moved(self, turn: FloatArray, shift: FloatArray) -> Pressure:
-        """The pressure after x -> turn @ x + shift of the scene."""
+        """Returns the pressure moved with the scene by x -> turn @ x + shift."""
         changes: dict[str, Any] = {
             name: turn @ value
             for name in ("normal", "gradient", "within")
@@ -187,7 +191,7 @@ class Pressure:
         return replace(self, **changes)
 
     def scaled(self, length: float, force: float) -> Pressure:
-        """The pressure in other units: lengths times ``length``, forces times ``force``."""
+        """Returns the pressure in other units: lengths times ``length``, forces times ``force``."""
         changes: dict[str, Any] = {
             name: np.array(value) * (length if name != "gradient" else force / length**3)
             for name in ("gradient", "at", "corners")
@@ -199,9 +203,11 @@ class Pressure:
 def pressed(
     triangles: FloatArray, at: ArrayLike | None = None, within: ArrayLike | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Points and area vectors (k, 3) whose sums are the integrals of all quadratic functions over
-    triangles (t, 3, 3), cut where they leave the half-space ``within`` from ``at``: the middles of
-    the sides, a third of the area each."""
+    """Returns points and area vectors (k, 3) that integrate quadratic functions over triangles.
+
+    The points are the middles of the sides, with a third of the area each. ``triangles`` (t, 3, 3)
+    are cut where they leave the half-space that begins at ``at`` in direction ``within``.
+    """
     if at is not None and within is not None:
         triangles = cut_off(triangles, (triangles - np.asarray(at)) @ np.asarray(within))
     middles = 0.5 * (triangles + np.roll(triangles, -1, axis=1))
@@ -210,6 +216,7 @@ def pressed(
 
 
 def _direction(value: object, what: str) -> Vector:
+    """Returns a unit vector (3,) as a tuple, or raises InputError."""
     vector = finite_vector(value, 3, what)
     length = float(np.linalg.norm(vector))
     if not 0.0 < length < np.inf:
