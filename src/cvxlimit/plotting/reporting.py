@@ -1,4 +1,4 @@
-"""A solution as two pages to print and sign: what was solved, what came out, what it rests on."""
+"""A solution as two pages to print and sign: the problem, its result, and what that is based on."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.solution.kinematics import ContactKind
 
 LONGEST, LONGEST_NAME, MOST_NAMES, MOST_ROWS, MOST_BLOCKS = 600, 40, 6, 12, 20_000
-"""Characters of a sentence and of a name, names in a list, and rows of a text that is given, so
-that two sheets hold any structure; blocks up to which pictures are drawn, in about ten seconds."""
+"""Largest numbers of characters of a sentence and of a name, of names in a list, and of rows of a
+text, so that any structure fits on two sheets; blocks up to which pictures are drawn, in about ten
+seconds."""
 
 Rows = Iterator[tuple[str, str]]
 
@@ -43,9 +44,9 @@ def report(
     sensitivity: Any = None,
     without_dilatancy: Solution | None = None,
 ) -> Page:
-    """The page of :meth:`cvxlimit.Solution.report`; ``digest`` is that of the scene."""
+    """Returns the page of :meth:`cvxlimit.Solution.report`; ``digest`` is the scene's."""
     scene = solution.scene
-    given = {"Sensitivity": sensitivity, "Path": path, "Code check": check}
+    extras = {"Sensitivity": sensitivity, "Path": path, "Code check": check}
     falling = solution if without_dilatancy is None else without_dilatancy
     sections = [
         ("Result", _table(_result(solution, without_dilatancy), "result")),
@@ -55,7 +56,7 @@ def report(
         ("Joints", _table(_joints(scene))),
         ("Assumptions", _list(_assumptions(scene, solution))),
         ("Mechanism", _table(_mechanism(scene, falling))),
-        *((name, _shown(value)) for name, value in given.items() if value is not None),
+        *((name, _shown(value)) for name, value in extras.items() if value is not None),
         ("How it was found", _table(_found(solution, digest))),
         ("", _SIGNATURE),
     ]
@@ -69,6 +70,7 @@ _SIGNATURE = """<p class="sign"><span>checked by</span><span>place and date</spa
 
 
 def _result(solution: Solution, without: Solution | None) -> Rows:
+    """Yields the load factor, its bracket and status, and what sliding means for it."""
     unit = f" {solution.quantity_unit}".rstrip()
     value = "none" if solution.load_factor is None else rounded(solution.load_factor, 5)
     value, dilates = (solution.range_text or value) + unit, solution.dilatancy is not None
@@ -99,17 +101,18 @@ def _result(solution: Solution, without: Solution | None) -> Rows:
 
 
 def _pictures(scene: Scene, solution: Solution) -> str:
+    """Returns the structure and its mechanism as images in HTML."""
     if len(scene.blocks) > MOST_BLOCKS:
         return ""
     try:
-        made = figures()
-        drawings = [("the structure and its loads", made.scene_drawing(scene, None, None))]
+        pictures = figures()
+        drawings = [("the structure and its loads", pictures.scene_drawing(scene, None, None))]
         if solution.mechanism:
             drawings.append(("the mechanism", mechanism_of(scene, solution)))
         shown = ""
         for text, drawing in drawings:
-            sheet = made.Sheet(figsize=(4.6, 3.6), title="")
-            shown += _figure(made.drawn(drawing, sheet), text)
+            sheet = pictures.Sheet(figsize=(4.6, 3.6), title="")
+            shown += _figure(pictures.drawn(drawing, sheet), text)
         return f'<div class="pictures">{shown}</div>'
     except ModelError as error:  # without Matplotlib the figures are still worth having
         return f"<p>{_text(f'no pictures: {error}')}</p>"
@@ -137,6 +140,7 @@ def _figure(drawn: Any, text: str) -> str:
 
 
 def _structure(scene: Scene) -> Rows:
+    """Yields facts about blocks, supports, contacts and ties."""
     unit = scene.units
     free = [scene.blocks[i] for i in scene.free]
     yield "free blocks", f"{len(free)}, weight {scene.total_weight:.6g} {unit.force}"
@@ -160,6 +164,7 @@ def _structure(scene: Scene) -> Rows:
 
 
 def _loads(scene: Scene, solution: Solution) -> Rows:
+    """Yields both load cases with their parts and resultants."""
     for case, load, forces in (
         ("dead", scene.dead, scene.dead_forces),
         ("live", scene.live, scene.live_forces),
@@ -173,16 +178,17 @@ def _loads(scene: Scene, solution: Solution) -> Rows:
 
 
 def _resultant(scene: Scene, forces: FloatArray) -> str:
-    """The sum of loads (free blocks, 6), and the point of its line that is nearest the blocks."""
+    """Returns in words the sum of loads (free blocks, 6), and the point of its line nearest the
+    blocks."""
     centres = np.array([scene.blocks[i].centroid for i in scene.free])
     total, middle = forces[:, :3].sum(axis=0), centres.mean(axis=0)
     moment = (np.cross(centres - middle, forces[:, :3]) + forces[:, 3:]).sum(axis=0)
-    said = f"{_vector(total, scene.units.force)} in all"
+    text = f"{_vector(total, scene.units.force)} in all"
     size = float(np.linalg.norm(total))
     if size <= 1e-9 * np.abs(forces[:, :3]).sum():
-        return said
+        return text
     at = middle + np.cross(total, moment) / size**2
-    return f"{said}, along a line through {_vector(at, scene.units.length)}"
+    return f"{text}, along a line through {_vector(at, scene.units.length)}"
 
 
 def _parts(load: Load, scene: Scene) -> Iterator[str]:
@@ -213,6 +219,7 @@ def _parts(load: Load, scene: Scene) -> Iterator[str]:
 
 
 def _joints(scene: Scene) -> Rows:
+    """Yields friction and strengths, with exceptions."""
     area = f" {scene.units.force}/{scene.units.length}²"
     for what, each in PROPERTIES.items():
         value, own = getattr(scene, what), getattr(scene, f"contact_{what}")
@@ -226,6 +233,7 @@ def _joints(scene: Scene) -> Rows:
 
 
 def _assumptions(scene: Scene, solution: Solution) -> Iterator[str]:
+    """Yields the assumptions behind the answer, a sentence each."""
     yield "Blocks are rigid; the geometry is that before any movement, and joints are plane."
     if not np.any(scene.contacts.tensile_strength):
         yield "Joints bear no tension."
@@ -249,6 +257,7 @@ def _assumptions(scene: Scene, solution: Solution) -> Iterator[str]:
 
 
 def _mechanism(scene: Scene, solution: Solution) -> Rows:
+    """Yields which joints open, slide and twist, and which blocks move fastest."""
     if not solution.mechanism:
         return
     moving = motion(scene, solution)
@@ -266,6 +275,7 @@ def _mechanism(scene: Scene, solution: Solution) -> Rows:
 
 
 def _found(solution: Solution, digest: str) -> Rows:
+    """Yields solvers, model, versions and the scene's digest."""
     solvers = dict.fromkeys(iterate.solver for iterate in solution.history)
     number = len(solution.history)
     yield "solver", f"{_names(list(solvers))}; {number} solve{'s' * (number != 1)}"
@@ -288,6 +298,7 @@ def _found(solution: Solution, digest: str) -> Rows:
 
 
 def _path(path: Path) -> Rows:
+    """Yields facts about a path."""
     first, last = (f"{path.load_factor[k]:.5g}" for k in (0, -1))
     way = f"{path.displacement[-1]:.5g} {path.scene.units.length}"
     of = "the live load (mean)" if path.control is None else f"block {path.control[0]}"
@@ -301,8 +312,8 @@ def _path(path: Path) -> Rows:
 
 
 def _shown(value: Any) -> str:
-    """A path, a text, a table of pandas, rows of anything with ``rows``, or what it says of
-    itself."""
+    """Returns as HTML a path, a mapping, a pandas table, anything with ``rows``, or the text of any
+    other object."""
     if isinstance(value, Path):
         return _table(_path(value)) + _curve(value)
     if hasattr(value, "columns") and hasattr(value, "itertuples"):
@@ -346,7 +357,7 @@ def _list(items: Iterable[str]) -> str:
 
 
 def _text(value: str, most: int = LONGEST) -> str:
-    """Texts from scenes are data, never markup, and not longer than a page bears."""
+    """Returns a text as HTML without markup of its own, at most ``most`` characters long."""
     shown = printable(value)
     return escape(shown if len(shown) <= most else f"{shown[: most - 1]}…")
 

@@ -1,4 +1,4 @@
-"""Load domains, closed from both sides where the gap is largest."""
+"""The search for a load domain: it is enclosed from both sides, where the gap is largest next."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _METHODS = ("convex", "exact", "certified", "zero-dilatancy")
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What is asked, for whichever process answers: the scene, its loads, options of solve."""
+    """What any process needs to answer a question: the scene, its loads, and options of solve."""
 
     scene: Scene
     loads: tuple[Load, ...]
@@ -62,7 +62,7 @@ class Study:
 
     @cached_property
     def structure(self) -> Structure:
-        """Compiled once in every process."""
+        """The compiled problem, which every process makes once."""
         surface, ladder, model = (self.options[n] for n in ("surface", "ladder", "model"))
         return Structure(self.scene, self.loads, surface, ladder, model, self.tolerance)
 
@@ -70,7 +70,7 @@ class Study:
         return {name: value for name, value in vars(self).items() if name != "structure"}
 
     def row(self, question: Mapping[str, Any], known: object) -> dict[str, Any]:
-        """The answer to one question, a direction in natural load factors."""
+        """Returns the answer to one question: a direction (k,) in natural load factors."""
         direction = np.asarray(question["direction"])
         if self.method == "convex":
             before = len(self.structure.run.history)
@@ -85,7 +85,7 @@ class Study:
 
 
 class Search:
-    """A domain under way: what is known, and what to ask next."""
+    """A domain under way: its answers so far, and the next directions to ask in."""
 
     def __init__(
         self, study: Study, domain: LoadDomain, path: Any, advance: Callable[[str], None]
@@ -107,7 +107,8 @@ class Search:
             )
 
     def closed(self, most: int, executor: Any) -> LoadDomain:
-        """Questions until the gap is within the tolerance, or there have been the most solves."""
+        """Returns the domain after questions until its gap is within the tolerance, or ``most``
+        solves."""
         status = None
         try:
             for direction in self.first():
@@ -126,6 +127,7 @@ class Search:
         return self.domain
 
     def _ask(self, questions: Sequence[FloatArray], executor: Any) -> None:
+        """Asks in directions (k,) at once, and takes the answers as they come."""
         rays = self.domain.rays / self.domain.units
         rays /= np.abs(rays).max(axis=1, initial=1e-300, keepdims=True)
         todo = {
@@ -139,6 +141,7 @@ class Search:
             self.advance(f"gap {self.domain.gap_said}" if is_convex else "points one by one")
 
     def _keep(self, status: Status) -> None:
+        """Updates status and time of the domain, and writes its file if that is due."""
         seconds = time.perf_counter() - self.started
         self.domain = replace(self.domain, status=status, seconds=seconds)
         is_last, waited = status is not Status.NOT_CERTIFIED, seconds - self.written
@@ -147,33 +150,37 @@ class Search:
             write_domain(self.domain, self.path)
 
     def _kept(self) -> Iterator[Raw]:
-        """What the supports of a file rest on, as far as it can be a reference for others."""
+        """Yields the answers behind the supports of a file, as far as they can be references for
+        others."""
         for s in self.domain.supports:
-            found = s.solution
-            if found is None or found.forces is None or s.ray is not None or s.loaded is None:
+            solution = s.solution
+            if solution is None or solution.forces is None or s.ray is not None or s.loaded is None:
                 continue
-            factors = s.loaded / self.domain.units * (found.load_factor or 0.0)
-            yield Raw(s.direction / self.domain.units, factors, found.forces, found.forces, None,
-                      False, found.history[-1], s.is_mirrored)  # fmt: skip
+            factors = s.loaded / self.domain.units * (solution.load_factor or 0.0)
+            direction, forces = s.direction / self.domain.units, solution.forces
+            yield Raw(
+                direction, factors, forces, forces, None, False, solution.history[-1], s.is_mirrored
+            )  # fmt: skip
 
     def take(self, direction: FloatArray, row: Mapping[str, Any]) -> None:
-        """What an answer proves, and its mirror images."""
+        """Adds to the domain what an answer and its mirror images prove."""
         self.asked.append(direction / np.linalg.norm(direction))
-        made = list[Support]()
+        supports = list[Support]()
         for answer in row["answers"]:
             if isinstance(answer, Solution):
-                made += self._of_solution(direction, answer)
+                supports += self._of_solution(direction, answer)
                 continue
             for raw in (answer, *images(answer, self.structure.mirrors)):
                 self.raw.append(raw)
-                made.append(self.structure.proved(raw))
+                supports.append(self.structure.proved(raw))
         self.domain = replace(
             self.domain,
-            supports=(*self.domain.supports, *made),
+            supports=(*self.domain.supports, *supports),
             solves=self.domain.solves + row["solves"],
         )
 
     def _of_solution(self, direction: FloatArray, solution: Solution) -> Iterator[Support]:
+        """Yields the supports that a solution in a direction (k,) proves."""
         units, structure = self.domain.units, self.structure
         normal, offset, is_proved = np.zeros(len(units)), np.inf, False
         if solution.mechanism is not None and self.study.method != "zero-dilatancy":
@@ -193,7 +200,7 @@ class Search:
             )  # fmt: skip
 
     def refer(self) -> None:
-        """Every proof anew if there is a better reference than the dead load alone."""
+        """Proves everything anew if there is a better reference than the dead load alone."""
         near = [r for r in self.raw if not r.is_ray and np.abs(r.factors).max() < 0.5 * WINDOW]
         supports = self.domain.supports
         if self.structure.refer_to(near) and len(self.raw) == len(supports):
@@ -201,7 +208,8 @@ class Search:
         self.domain = replace(self.domain, supports=(*supports, *self._without_solver(supports)))
 
     def _without_solver(self, supports: Sequence[Support]) -> Iterator[Support]:
-        """Sums of loads that are no load; the dead load alone, where nothing else is carried."""
+        """Yields supports that need no solver: sums of loads that cancel, and the dead load alone
+        where nothing else is carried."""
         structure, units = self.structure, self.domain.units
         none = np.zeros(len(units))
         rays = [s.ray for s in supports if s.ray is not None]
@@ -214,7 +222,8 @@ class Search:
             yield Support(none, structure.centre * units, None, none, np.inf, True)
 
     def first(self) -> list[FloatArray]:
-        """Each load to and fro; evenly around where nothing holds between points."""
+        """Returns the first directions: each load in both senses, or an even distribution where
+        nothing is proved between points."""
         size = len(self.domain.units)
         axes = np.vstack([np.eye(size), -np.eye(size)])
         every = axes if self.domain.is_convex else _around(size, self.study.directions)
@@ -222,7 +231,8 @@ class Search:
         return [d / np.linalg.norm(d) for d in acting if np.linalg.norm(d) > 0.5]
 
     def next(self) -> Iterator[FloatArray]:
-        """Directions to ask in, the most useful first; none where all is within the tolerance."""
+        """Yields directions to ask in, most useful first; none once the gap is within the
+        tolerance."""
         domain, inner = self.domain, self.domain.inner
         if inner is None or domain.is_empty:
             return
@@ -241,7 +251,7 @@ class Search:
                     break
 
     def _splitting(self, corner: FloatArray, gap: float) -> Iterator[FloatArray]:
-        """Directions that split a corner's gap.
+        """Yields directions that split a corner's gap.
 
         A corner that needs an odd number of pieces is cut in unequal ones, so that none is much
         below the tolerance in the end; others by the normal of the hull's facet beneath, which
@@ -269,6 +279,7 @@ class Search:
         yield inner.normals[int((speed / np.maximum(room, 1e-300)).argmax())]
 
     def _was_asked(self, direction: FloatArray) -> bool:
+        """Returns whether this direction, or one that differs by rounding, was asked before."""
         others = np.array([s.direction / self.domain.units for s in self.domain.supports])
         others = np.vstack([others.reshape(-1, len(direction)), *self.asked])
         size = np.maximum(np.linalg.norm(others, axis=1), 1e-300)[:, None]
@@ -292,7 +303,8 @@ def load_domain(
     path: str | os.PathLike[str] | None = None,
     progress: bool | Callable[[str], None] = True,
 ) -> LoadDomain:
-    """All load factors of two or three live loads that a structure carries, enclosed with proof.
+    """Returns all load factors of two or three live loads that a structure carries, enclosed with
+    proof.
 
     Every solve asks how far the loads reach in one direction. Forces prove a point inside, the
     mechanism a half-space that holds the whole set; the next direction is where the gap between
@@ -373,7 +385,8 @@ def load_domain(
 
 
 def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
-    """What a file has of the same domain."""
+    """Returns the domain with the answers that its file has; raises InputError for another
+    domain's."""
     known = read_domain(path)
     wrote = known.versions.get("cvxlimit")
     if wrote != __version__:
@@ -392,7 +405,8 @@ def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
 
 
 def _about(study: Study) -> str:
-    """A digest of all that decides about the set: the tolerance, solvers and reductions do not."""
+    """Returns a digest of all that the set depends on; tolerance, solvers and reductions do not
+    count."""
     plain = [LOAD.write(load, "a load", "a domain") for load in study.loads]
     moments = digest(study.options.get("moments"), "option 'moments'")
     surface, scene = study.options["surface"], study.structure.run.given
@@ -401,6 +415,7 @@ def _about(study: Study) -> str:
 
 
 def _status(domain: LoadDomain) -> Status:
+    """Returns the status of a finished domain."""
     if domain.is_empty:
         return Status.DEAD_LOAD_UNSTABLE
     if domain.is_convex:
@@ -411,6 +426,7 @@ def _status(domain: LoadDomain) -> Status:
 
 
 def named_loads(loads: Mapping[str, Load] | Sequence[Load] | None) -> dict[str, Load]:
+    """Returns two or three loads by name; raises InputError for anything else."""
     given = PUSHES if loads is None else loads
     of_type(given, (Mapping, Sequence), "loads must be a mapping or a sequence of Load")
     if not isinstance(given, Mapping):
@@ -424,7 +440,7 @@ def named_loads(loads: Mapping[str, Load] | Sequence[Load] | None) -> dict[str, 
 
 
 def _around(size: int, number: int) -> FloatArray:
-    """Unit vectors (number, size), evenly spread."""
+    """Returns unit vectors (number, size), evenly distributed."""
     each = np.arange(number)
     turn = 2.0 * np.pi * each / number
     if size == 2:
