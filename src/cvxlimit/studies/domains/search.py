@@ -385,8 +385,7 @@ def load_domain(
 
 
 def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
-    """Returns the domain with the answers that its file has; raises InputError for another
-    domain's."""
+    """Returns the domain with the answers in its file; InputError for another domain's."""
     known = read_domain(path)
     wrote = known.versions.get("cvxlimit")
     if wrote != __version__:
@@ -405,8 +404,7 @@ def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
 
 
 def _about(study: Study) -> str:
-    """Returns a digest of all that the set depends on; tolerance, solvers and reductions do not
-    count."""
+    """Returns a digest of all that the set depends on, but not of tolerance and solvers."""
     plain = [LOAD.write(load, "a load", "a domain") for load in study.loads]
     moments = digest(study.options.get("moments"), "option 'moments'")
     surface, scene = study.options["surface"], study.structure.run.given
