@@ -25,6 +25,7 @@ from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io import export, import_geometry, read_bodies
 from cvxlimit.io.geometry.bodies import Body, separated
+from cvxlimit.io.geometry.digits import too_few_digits
 from cvxlimit.masonry import running_bond, wall
 from exhaustive import mostly_slow
 
@@ -838,3 +839,11 @@ def test_map_coordinates_in_full_are_fine(tmp_path: Path) -> None:
     found = import_geometry(path, density=20, supports="lowest", **ASKED)
     assert solve(found.scene).load_factor == pytest.approx(0.7, rel=1e-4)
     assert not any("cannot tell" in note for note in found.notes)
+
+
+def test_digits_are_counted_where_many_corners_share_few_coordinates() -> None:
+    """A wall of 10,000 bricks has 80,000 corners, but only some 200 numbers to look at."""
+    x, z = 500_000.625 + 0.125 * np.arange(101), np.round(0.1 * np.arange(101), 1)
+    corners = np.stack(np.meshgrid(x, [0.0, 0.3], z), axis=-1).reshape(-1, 3)
+    brick = Body("", np.array([[x[0], 0.0, 0.0], [x[1], 0.3, 0.1]]), (), is_box=True)
+    assert not too_few_digits([brick, brick, Body("", np.tile(corners, (4, 1)), ())])

@@ -45,7 +45,7 @@ class _Numbers:
 
     # contact forces, over the dead load, beyond which it is rounding alone that could hold a block:
     # solvers leave missing openings of 1e-12 to 1e-10 of the rates in exact mechanisms
-    no_force: float = 100000000.0
+    no_force: float = 1e8
     # whether a load stands shows far from the optimum: forces inside are all that is asked of them
     loose: float = 0.1
 
