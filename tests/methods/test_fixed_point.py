@@ -229,10 +229,10 @@ def test_changed_parameters_reach_the_solver(rung: str, has_rows: bool) -> None:
     scene = builtin_scene("tuff-wall")
     frozen = FrozenProblem(scene, Conic(), INDEPENDENT)
     settings = SolverSettings(rung)
-    frozen.set(Pressure.of(np.zeros((len(scene.contacts), 6)), scene.contacts))
+    frozen.set_pressure(Pressure.of(np.zeros((len(scene.contacts), 6)), scene.contacts))
     first = frozen.problem.run(settings, has_rows)
     assert first.forces is not None
-    frozen.set(Pressure.of(first.forces, scene.contacts))
+    frozen.set_pressure(Pressure.of(first.forces, scene.contacts))
     again = frozen.problem.run(settings, has_rows)
     assert first.load_factor == pytest.approx(0.423056, rel=1e-4)
     assert again.load_factor is not None
@@ -297,7 +297,7 @@ def test_patched_rows_are_those_of_cvxpy(moments: str, cone: Cone) -> None:
     forces = solve(scene).forces
     frozen = FrozenProblem(scene, cone, parse_moments(moments))
     for share in (0.0, 0.5, 1.0):  # the last pressed at edges and corners
-        frozen.set(Pressure.of(forces * [1, 1, 1, share, share, 1], scene.contacts))
+        frozen.set_pressure(Pressure.of(forces * [1, 1, 1, share, share, 1], scene.contacts))
         assert_same_rows(frozen.problem)
         found = [
             frozen.problem.run(settings_for(name, 1e-8)).load_factor

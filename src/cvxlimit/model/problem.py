@@ -278,11 +278,20 @@ class LimitProblem(Changeable):
     def run(
         self, settings: SolverSettings | None = None, has_rows: bool | None = None
     ) -> LimitState:
-        """One run of one solver, the ladder's first, by the rows, or by CVXPY where it wants more
-        than matrices; never raises for what the solver does.
+        """One run of one solver; never raises for what the solver does.
 
-        Unless ``has_rows`` says which, Clarabel's last tries see the rows in CVXPY's order: where
-        rounding decides.
+        There are two ways to a solver: the rows of this problem, at once, or CVXPY, which compiles
+        the same problem into rows of another order. The optimum is the same; in which order the
+        rows stand matters only where rounding decides.
+
+        Parameters
+        ----------
+        settings : SolverSettings or None
+            The solver, with its options; None is the first of the ladder.
+        has_rows : bool or None
+            True for the rows, False for CVXPY. None is the usual choice: the rows, but CVXPY for
+            Clarabel's later tries, which have a label. Solvers that want more than matrices,
+            quadratic goals and limits of one's own that have no rows go by CVXPY in any case.
         """
         settings = settings or self.ladder()[0]
         if has_rows is None:
