@@ -1,18 +1,31 @@
 """The associated flow rule (Eq. 33-36): which relative rates a model's strength allows.
 
-Rates of internal forces are allowed when they are
+Every condition of a model bounds norms by a resistance: sum of gauge(B s + b) <= R s + c. Its
+normal cone has a multiplier for each resistance and flows for each norm. Rates r of the internal
+forces are allowed when, summed over all conditions,
 
-    rates = sum over conditions of (resistance lambda - sum of B^T y) + opening,
-    polar_gauge(y) <= lambda,   opening >= 0 along compressions,
+    r = R' lambda - B' y + opening,      polar_gauge(y) <= lambda,
 
-with resistance and B the rows of a condition without its constants: the normal cone of the
-admissible forces, over all of them. Contact forces then do at least
+where the opening is not negative along compressions, and zero along forces of any sign.
 
-    -(sum of c lambda - sum of b^T y)
+=======  ==================================================  =====  ================================
+letter   what it is                                          shape  in the code
+=======  ==================================================  =====  ================================
+s        internal forces of all contacts, the model's own    (p,)   ``internal``
+r        relative rates: what s do power on                  (p,)   ``rates``
+R, c     resistances of all conditions, as rows on s         (k,p)  ``resistance.matrix, .constant``
+B, b     rows of all norms on s                              (q,p)  ``norms.matrix, .constant``
+lambda   a multiplier >= 0 for each row of R                 (k,)   ``multipliers``
+y        a flow for each row of B                            (q,)   ``flows``
+opening  what remains of r without the two                   (p,)   ``rest``
+=======  ==================================================  =====  ================================
 
-of work, the *dissipation*, with c and b the constants. How far rates are from allowed is measured
-by their *shortfall*, the uniform extra opening that would make them so: forces on a contact then do
-at least -shortfall * N of work besides.
+Contact forces then do at least -(c' lambda - b' y) of power. For the opening takes none from
+compressions, and y'(B s + b) is at most polar_gauge(y) gauge(B s + b), hence at most
+lambda'(R s + c). So c' lambda - b' y is the *dissipation*: what forces take up at most.
+
+How far rates are from allowed is measured by their *shortfall*, the uniform extra opening of a
+contact that would make them so: forces on it then do at least -shortfall * N of power besides.
 """
 
 from __future__ import annotations
@@ -37,20 +50,33 @@ from cvxlimit.surfaces.base import LinearForm, YieldSurface, express, number
 from cvxlimit.surfaces.cones import Cone
 
 _TIGHT = 1e-11
-"""Of proposed flows: dissipation is a small difference where strength is far above the forces."""
+"""Tolerance of proposed flows: where strength is far above the forces, dissipation is a small
+difference of large terms."""
 
 _PENALTY = 10.0
-"""Price of missing opening over that of dissipation; any above 1 gives the same flows."""
+"""Price of missing opening over that of dissipation as an opening. Any above 1 gives the same flow:
+stone that crushes can make up for missing opening, but as no compression is above the strength,
+that costs at most 1 in dissipation per unit of opening."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shortfall:
     """How far rates are from the flow rule.
 
-    ``missing`` (n,) is the opening that contacts lack, negative where some is to spare;
-    ``unresisted`` (k,) slip that no condition resists, twists times the size of a contact;
-    ``dissipation`` the power that forces can take up at most while rates are as the rule has them,
-    ``by_contact`` (n,) of each, and ``multipliers`` those of the rows of resistance.
+    Attributes
+    ----------
+    missing : (n,) array
+        Uniform opening that each contact lacks, negative where some is to spare; -inf for a contact
+        without compressions.
+    unresisted : (number of forces of any sign,) array
+        Rates along these forces that no condition resists, less those that are allowed: slips, and
+        twists times the typical size of a contact.
+    dissipation : float
+        The power that forces can take up at most, apart from what missing opening adds.
+    by_contact : (n,) array
+        The dissipation of each contact.
+    multipliers : (k,) array
+        lambda, one for each row of resistance.
     """
 
     missing: FloatArray
@@ -69,19 +95,24 @@ def corner_openings(rates: FloatArray, contacts: Contacts) -> FloatArray:
 
 
 class _Forms:
-    """Linear forms as rows on the internal forces, one below the other: ``places`` says where."""
+    """Linear forms as rows on the internal forces: matrix @ internal + constant.
+
+    ``forces`` are the components of ``contacts`` contacts as forms of ``width`` unknowns, the
+    internal forces; ``forms`` come with the contact of each of their rows, None for one per
+    contact. They stand one below the other: ``slices`` says which rows are those of each form, and
+    ``contact`` has the contact of every row. Parameters count with their present values.
+    """
 
     def __init__(
-        self, forces: Mapping[str, Any], size: tuple[int, int],
+        self, forces: Mapping[str, Any], contacts: int, width: int,
         forms: list[tuple[LinearForm, IntArray | None]],
     ) -> None:  # fmt: skip
-        contacts, width = size
         every = np.arange(contacts)
         at_present = [{k: number(c) for k, c in form.items()} for form, _ in forms]
         rows = [express(form, forces, at) for form, (_, at) in zip(at_present, forms, strict=True)]
         ends = list(accumulate((form.size for form in rows), initial=0))
-        self.places, self.size = list(map(slice, ends, ends[1:])), ends[-1]
-        whole = stacked(rows or [forces["N"][every[:0]]])
+        self.slices, self.size = list(map(slice, ends, ends[1:])), ends[-1]
+        whole = stacked(rows or [forces["N"][every[:0]]])  # without forms, no rows
         self.matrix, self.constant = whole.matrix(width), whole.constant
         self.contact = np.concatenate(
             [every[:0], *(every if at is None else at for _, at in forms)]
@@ -92,7 +123,14 @@ class _Forms:
 class StrengthRows:
     """Conditions of several surfaces, and of a model itself, as rows on its internal forces.
 
-    ``conditions`` are cones, the rows of ``resistance``, and those of every norm in ``norms``.
+    Attributes
+    ----------
+    resistance, norms : rows R, c and B, b of all conditions
+        Each has ``matrix``, its transpose ``transposed``, ``constant`` and ``contact``, the contact
+        of every row.
+    conditions : list of (cone, slice, list of lists of slices)
+        Of every condition the cone, its rows of ``resistance``, and for each of its norms those of
+        ``norms``, one slice per component of the norm.
     """
 
     def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel) -> None:
@@ -103,33 +141,36 @@ class StrengthRows:
             resistances.append((condition.resistance, condition.contact))
             for norm in condition.norms:
                 norms += zip(norm.weighted_rows, repeat(condition.contact))
-        forces, _ = model.unknowns(into := Rows())
-        size = len(model.contacts), into.width
-        self.resistance, self.norms = (_Forms(forces, size, f) for f in (resistances, norms))
+        unknowns = Rows()
+        forces, _ = model.unknowns(unknowns)
+        count, width = len(model.contacts), unknowns.width
+        self.resistance = _Forms(forces, count, width, resistances)
+        self.norms = _Forms(forces, count, width, norms)
+        # Forms were collected condition by condition, so their slices come in that order.
         self.conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
-        places = iter(self.norms.places)
-        for (_, condition, cone), where in zip(stated, self.resistance.places, strict=True):
-            rows = [list(islice(places, len(norm.rows))) for norm in condition.norms]
-            self.conditions.append((cone, where, rows))
+        of_norms = iter(self.norms.slices)
+        for (_, condition, cone), rows in zip(stated, self.resistance.slices, strict=True):
+            by_norm = [list(islice(of_norms, len(norm.rows))) for norm in condition.norms]
+            self.conditions.append((cone, rows, by_norm))
 
     def excess(self, internal: FloatArray) -> list[tuple[FloatArray, IntArray]]:
         """Yield functions of internal forces (p,), and the contact of every entry, one pair per
         condition; <= 0 is admissible."""
         resistance = self.resistance.matrix @ internal + self.resistance.constant
-        sizes = self.norms.matrix @ internal + self.norms.constant
+        components = self.norms.matrix @ internal + self.norms.constant
         result = []
-        for cone, where, norms in self.conditions:
-            y = -resistance[where]
-            for norm in norms:
-                y = y + cone.gauge([sizes[row] for row in norm])
-            result.append((y, self.resistance.contact[where]))
+        for cone, rows, by_norm in self.conditions:
+            excess = -resistance[rows]
+            for norm in by_norm:
+                excess = excess + cone.gauge([components[row] for row in norm])
+            result.append((excess, self.resistance.contact[rows]))
         return result
 
 
 @dataclass(frozen=True, eq=False)
 class SymbolicFlow:
-    """Constraints that allow rates, the dissipation that goes with them, and the flows: a
-    multiplier per row of resistance, a rate per row of a norm; None where there are no rows."""
+    """The flow rule for CVXPY: ``limits`` that allow rates, their ``dissipation``, and lambda and y
+    as unknowns; None where there are no rows."""
 
     limits: list[cp.Constraint]
     dissipation: cp.Expression
@@ -147,136 +188,169 @@ class FlowRule(StrengthRows):
     def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel | Contacts) -> None:
         own = corner_compressions(model) if isinstance(model, Contacts) else model
         super().__init__(surfaces, own)
-        self._free = np.flatnonzero(~self.model.nonneg)
-        self._pressed = np.flatnonzero(self.model.nonneg)
+        # Internal forces of either kind, by number, and what each compression adds to its contact's
+        # N: a uniform opening of the contact is that much along it.
+        self._signed = np.flatnonzero(~self.model.nonneg)
+        self._compressions = np.flatnonzero(self.model.nonneg)
         normal = self.model.resultant_map[COLUMN["N"] :: len(COMPONENTS)]
-        self._compression = np.asarray(normal.sum(axis=0), dtype=float).ravel()[self._pressed]
+        per_unit = np.asarray(normal.sum(axis=0), dtype=float).ravel()
+        self._normal_per_unit = per_unit[self._compressions]
         size = self.model.contacts.typical_size
-        self._reach = np.where(self.model.is_moment[self._free], size, 1.0)
+        self._length = np.where(self.model.is_moment[self._signed], size, 1.0)
         # Norm rows of conditions whose resistance grows with forces of any sign are coupled. Their
         # multipliers change rates that must agree exactly, so their flows are left as proposed and
         # the others make up for them.
-        self._is_linear = np.zeros(self.resistance.size, dtype=bool)
+        self._is_linear = np.zeros(self.resistance.size, dtype=bool)  # conditions without norms
         self._is_coupled = np.zeros(self.norms.size, dtype=bool)
-        free = np.diff(self.resistance.matrix[:, self._free].indptr)
-        for _, where, rows in self.conditions:
-            self._is_linear[where] = not rows
-            for row in chain(*rows):
-                self._is_coupled[row] = free[where].any()
-        is_open = self._is_linear.any() or self._is_coupled.any()
-        self._is_unique = not is_open and self.norms.size <= len(self._free)
-        self._nothing = np.zeros(self.norms.size), np.zeros(self.resistance.size)
+        signed_entries = np.diff(self.resistance.matrix[:, self._signed].indptr)  # of each row
+        for _, rows, by_norm in self.conditions:
+            self._is_linear[rows] = not by_norm
+            for row in chain(*by_norm):
+                self._is_coupled[row] = signed_entries[rows].any()
+        # All y is determined where it alone resists the signed rates, with no more rows than these
+        # are: B' y = -r has one solution then, and the least multipliers are its polar gauges.
+        has_choice = self._is_linear.any() or self._is_coupled.any()
+        self._is_unique = not has_choice and self.norms.size <= len(self._signed)
+        self._no_flows = np.zeros(self.norms.size), np.zeros(self.resistance.size)
 
     def symbolic(self, rates: cp.Expression, unit: FloatArray | None = None) -> SymbolicFlow:
         """States for CVXPY what allows ``rates`` (p,) of the internal forces, and their
-        dissipation, which ``unit`` (n,) divides contact by contact."""
-        sides: list[Any] = []
-        rest, lost = rates, cp.Constant(0.0)
+        dissipation.
+
+        ``unit`` (n,) is the strength of each contact, a force: the dissipation is divided by it
+        contact by contact, and so becomes an opening.
+        """
+        # rest = rates - R' lambda + B' y, and dissipation = c' lambda - b' y
+        unknowns: list[Any] = []
+        rest, dissipation = rates, cp.Constant(0.0)
         for sign, rows in ((1.0, self.resistance), (-1.0, self.norms)):
             if not rows.size:
-                sides.append(None)
+                unknowns.append(None)
                 continue
-            sides.append(cp.Variable(rows.size, nonneg=sign > 0.0))
-            rest = rest - sign * rows.transposed @ sides[-1]
+            unknown = cp.Variable(rows.size, nonneg=sign > 0.0)
+            unknowns.append(unknown)
+            rest = rest - sign * rows.transposed @ unknown
             per = 1.0 if unit is None else unit[rows.contact]
-            lost = lost + sign * (rows.constant / per) @ sides[-1]
-        multipliers, flows = sides
+            dissipation = dissipation + sign * (rows.constant / per) @ unknown
+        multipliers, flows = unknowns
+        # polar_gauge(y) <= lambda, and an opening that is zero or not negative
         into = Constraints()
-        for cone, where, norms in self.conditions:
-            for norm in norms:
-                cone.polar_epigraph(into, multipliers[where], [flows[row] for row in norm])
-        if len(self._free):
-            into.zero(rest[self._free])
-        if len(self._pressed):
-            into.nonneg(rest[self._pressed])
-        return SymbolicFlow(into.all, lost, multipliers, flows)
+        for cone, at, by_norm in self.conditions:
+            for norm in by_norm:
+                cone.polar_epigraph(into, multipliers[at], [flows[row] for row in norm])
+        if len(self._signed):
+            into.zero(rest[self._signed])
+        if len(self._compressions):
+            into.nonneg(rest[self._compressions])
+        return SymbolicFlow(into.all, dissipation, multipliers, flows)
 
     def shortfall(self, rates: FloatArray) -> Shortfall:
         """Returns the shortfall of relative rates (n, 6), with as little dissipation as the missing
         opening allows: exact where the conditions determine the flow, otherwise an upper bound."""
         inner = np.asarray(self.model.resultant_map.T @ rates.ravel())
-        return self._completed(inner, *self._proposal(inner, True))
+        return self._completed(inner, *self._proposal(inner, is_cheap=True))
 
     def opened(self, rates: FloatArray) -> Shortfall:
         """The same, with as much opening to spare as can be."""
         inner = np.asarray(self.model.resultant_map.T @ rates.ravel())
-        return self._completed(inner, *self._proposal(inner, False))
+        return self._completed(inner, *self._proposal(inner, is_cheap=False))
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
-        """An upper bound (n,) on the missing opening, without optimisation: least-norm flows."""
+        """Returns an upper bound (n,) on the missing opening, without optimisation: the flows are
+        those of least norm. It is infinite where slip or twist is left that no condition resists,
+        beyond rounding of rates."""
         inner = np.asarray(self.model.resultant_map.T @ rates.ravel())
-        shortfall = self._completed(inner, *self._nothing)
-        resisted = np.abs(shortfall.unresisted).max(initial=0.0) <= 1e-12 * np.abs(rates).max()
-        return shortfall.missing if resisted else np.full(len(shortfall.missing), np.inf)
+        shortfall = self._completed(inner, *self._no_flows)
+        # Slips and twists are compared in the user's units. That risks no proof: it serves to find
+        # opening fields, which are measured again by `opened` before anything rests on them.
+        is_resisted = np.abs(shortfall.unresisted).max(initial=0.0) <= 1e-12 * np.abs(rates).max()
+        return shortfall.missing if is_resisted else np.full(len(shortfall.missing), np.inf)
 
     def _completed(
         self, rates: FloatArray, flows: FloatArray, multipliers: FloatArray
     ) -> Shortfall:
-        """Complete proposed flows to exact ones with the least change, measure what is left."""
+        """Returns what rates (p,) lack, with proposed flows (q,) changed as little as makes them
+        exact; ``multipliers`` (k,) are those of conditions without norms, zero elsewhere.
+
+        Any lambda and y with polar_gauge(y) <= lambda prove a bound, but what they leave of the
+        rates of signed forces must be zero: these forces have no known size or sign. Rows G of
+        norms that are not coupled can see to that by themselves, since their multipliers do not
+        touch signed forces: of all y that leave zero, y + G (G'G)^-1 (-rest - G' y) is the nearest
+        one, with the rest that all other terms leave. Then the least multipliers that y permits are
+        its polar gauges. What is negative of the rest along compressions is missing opening.
+        """
         norms, resistance = self.norms, self.resistance
-        rest, held = rates, np.where(self._is_coupled, flows, 0.0)
+        # The rest of all terms but those of G, along signed forces.
+        rest, coupled = rates, np.where(self._is_coupled, flows, 0.0)
         if multipliers.any():
-            rest = rest - resistance.transposed @ np.where(self._is_linear, multipliers, 0.0)
-        loose, idle, solve = self._loose
-        target = rest
-        if held.any():
-            target = rest + norms.transposed @ held
-            target = target - resistance.transposed @ self._multipliers(held)
-        target = -target[self._free] - loose.T @ flows
-        flows = flows + loose @ np.where(idle, 0.0, solve(target))
-        least = self._multipliers(flows)
+            rest = rest - resistance.transposed @ multipliers
+        others = rest
+        if coupled.any():
+            others = rest + norms.transposed @ coupled
+            others = others - resistance.transposed @ self._least_multipliers(coupled)
+        # The nearest flows, where rows of G resist at all, and their multipliers.
+        uncoupled, is_idle, solve = self._uncoupled
+        change = -others[self._signed] - uncoupled.T @ flows
+        flows = flows + uncoupled @ np.where(is_idle, 0.0, solve(change))
+        least = self._least_multipliers(flows)
         rest = rest - (resistance.transposed @ least - norms.transposed @ flows)
         multipliers = least + multipliers
-        lost = np.zeros(len(self.model.contacts))
-        np.add.at(lost, resistance.contact, resistance.constant * multipliers)
-        np.add.at(lost, norms.contact, -norms.constant * flows)
-        missing = np.full(len(self.model.contacts), -np.inf)  # uniform, brings all rates up to zero
-        at = self.model.contact[self._pressed]
-        np.maximum.at(missing, at, -rest[self._pressed] / self._compression)
-        unresisted = -rest[self._free] * self._reach
-        return Shortfall(missing, unresisted, float(lost.sum()), lost, multipliers)
+        # Dissipation c' lambda - b' y, contact by contact.
+        by_contact = np.zeros(len(self.model.contacts))
+        np.add.at(by_contact, resistance.contact, resistance.constant * multipliers)
+        np.add.at(by_contact, norms.contact, -norms.constant * flows)
+        # The uniform opening of each contact that brings the rest along all compressions up to 0.
+        missing = np.full(len(self.model.contacts), -np.inf)
+        contact = self.model.contact[self._compressions]
+        np.maximum.at(missing, contact, -rest[self._compressions] / self._normal_per_unit)
+        unresisted = -rest[self._signed] * self._length
+        return Shortfall(missing, unresisted, float(by_contact.sum()), by_contact, multipliers)
 
-    def _multipliers(self, flows: FloatArray) -> FloatArray:
+    def _least_multipliers(self, flows: FloatArray) -> FloatArray:
+        """Returns the least multipliers (k,) that flows (q,) permit: the largest polar gauge of a
+        condition's norms, zero for a condition without norms."""
         result = np.zeros(self.resistance.size)
-        for cone, where, norms in self.conditions:
-            for norm in norms:
-                size = cone.polar_gauge([flows[row] for row in norm])
-                result[where] = np.maximum(result[where], size)
+        for cone, rows, by_norm in self.conditions:
+            for norm in by_norm:
+                gauge = cone.polar_gauge([flows[row] for row in norm])
+                result[rows] = np.maximum(result[rows], gauge)
         return result
 
     @cached_property
-    def _loose(self) -> tuple[sp.csr_array, BoolArray, Callable[[FloatArray], FloatArray]]:
-        """Norm rows G that are not coupled, on the free rates; where nobody resists; and a solver
-        of G' G."""
-        loose = self.norms.matrix[:, self._free]
+    def _uncoupled(self) -> tuple[sp.csr_array, BoolArray, Callable[[FloatArray], FloatArray]]:
+        """Rows G (q, signed forces) of norms, zero where coupled; which signed forces stand in none
+        of them; and a solver of G'G, with 1 on the diagonal of these."""
+        uncoupled = self.norms.matrix[:, self._signed]
         if self._is_coupled.any():
-            loose = loose.multiply(~self._is_coupled[:, None]).tocsr()
-        square = loose.T @ loose
-        idle = square.diagonal() == 0.0
-        if idle.any():
-            square = square + sp.diags_array(idle.astype(float))
-        return loose, idle, splu(square.tocsc()).solve
+            uncoupled = uncoupled.multiply(~self._is_coupled[:, None]).tocsr()
+        square = uncoupled.T @ uncoupled
+        is_idle = square.diagonal() == 0.0
+        if is_idle.any():
+            square = square + sp.diags_array(is_idle.astype(float))
+        return uncoupled, is_idle, splu(square.tocsc()).solve
 
     def _proposal(self, rates: FloatArray, is_cheap: bool) -> tuple[FloatArray, FloatArray]:
-        """Flows where the conditions leave a choice, else zero; and the multipliers >= 0 of
-        conditions without norms: cheap ones, or those that leave most opening to spare. Missing
-        opening costs more than dissipation can save: no compression is above its strength."""
+        """Returns flows (q,) where the conditions leave a choice, else zeros, and the multipliers
+        (k,) >= 0 of conditions without norms: the cheap ones, with the least missing opening first
+        and then the least dissipation, or those that leave most opening to spare."""
         scale = float(np.abs(rates).max())
         if self._is_unique or scale == 0.0:
-            return self._nothing
+            return self._no_flows
+        # Rates of order 1, with dissipation as an opening: beside missing opening it has a price.
         strength = self._strength
         missing = cp.Variable(len(self.model.contacts))
         unit = np.where(strength > 0.0, strength, 1.0)
-        flow = self.symbolic(rates / scale + self._opening @ missing, unit)
-        goal = cp.sum(missing) + flow.dissipation
-        if is_cheap and not np.any(strength):
-            goal = cp.sum(missing)
-        elif is_cheap:
+        flow = self.symbolic(rates / scale + self._uniform_opening @ missing, unit)
+        if not is_cheap:  # missing may be negative: then it is opening to spare
+            goal = cp.sum(missing) + flow.dissipation
+        elif np.any(strength):  # least missing first, since its price is above what it can save
             goal = _PENALTY * cp.sum(cp.pos(missing)) + flow.dissipation
+        else:  # without strength the dissipation is zero
+            goal = cp.sum(missing)
         problem = cp.Problem(cp.Minimize(goal), flow.limits)
         if not run(problem, clarabel_at(_TIGHT)[0], ignore_dpp=True).has_values:
-            return self._nothing
-        flows, multipliers = self._nothing
+            return self._no_flows
+        flows, multipliers = self._no_flows
         if flow.flows is not None:
             flows = scale * flow.flows.value
         if flow.multipliers is not None:
@@ -285,13 +359,15 @@ class FlowRule(StrengthRows):
 
     @cached_property
     def _strength(self) -> FloatArray:
+        """The sum (n,) of the sizes of all constants at each contact: a force."""
         result = np.zeros(len(self.model.contacts))
         for rows in (self.resistance, self.norms):
             np.add.at(result, rows.contact, np.abs(rows.constant))
         return result
 
     @cached_property
-    def _opening(self) -> sp.csr_array:
-        index = (self._pressed, self.model.contact[self._pressed])
+    def _uniform_opening(self) -> sp.csr_array:
+        """Rates of internal forces (p, n) per uniform opening of each contact."""
+        index = (self._compressions, self.model.contact[self._compressions])
         shape = (len(self.model.nonneg), len(self.model.contacts))
-        return sp.csr_array((self._compression, index), shape=shape)
+        return sp.csr_array((self._normal_per_unit, index), shape=shape)
