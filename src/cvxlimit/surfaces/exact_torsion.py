@@ -6,9 +6,25 @@ point c of the plane, the *centre* of rotation, so the limit states are, as shar
     V  = mean of (r - c)/abs(r - c), turned by 90 degrees,
     MT = mean of abs(r - c), plus the moment of V at c about the contact's origin,
 
-with c anywhere. Means are over the contact's area; in closed form they are sums over its edges.
-With h the distance of an edge's line from c and s the place along it, the mean of abs(r - c) is a
-sum of h times the integral of the distance along the edge, over 3 A.
+with c anywhere. Means are over the contact's area A. By Gauss's theorem integrals over the area are
+sums over its edges. With n the outward normal of an edge, h = (r - c) . n the signed distance of
+its line from c, and ds along the edge,
+
+    integral of abs(r - c) dA           = sum over edges of h/3 times integral of abs(r - c) ds,
+    integral of (r - c)/abs(r - c) dA   = sum over edges of n times integral of abs(r - c) ds,
+
+since the divergence of abs(r - c) (r - c) is 3 abs(r - c), and the gradient of abs(r - c) is
+(r - c)/abs(r - c). Along an edge abs(r - c) = hypot(h, s), with s from the foot of c on its line.
+
+======  =================================================  ===========  ===========================
+letter  what it is                                         shape        in the code
+======  =================================================  ===========  ===========================
+c       centre of rotation                                 (n, ..., 2)  ``centre``
+t       unit vector along an edge, counter-clockwise       (m, 2)       ``Edges.along``
+n       outward normal of an edge, (t2, -t1)               (m, 2)       in ``mean_direction``
+h, s    first corner of an edge, from c along n and t      (m, ...)     in ``Edges._integrals``
+A       area of a contact                                  (n,)         ``Edges.area``
+======  =================================================  ===========  ===========================
 """
 
 from __future__ import annotations
@@ -29,13 +45,16 @@ class _Numbers:
 
     far: float = 1000.0
     """Centres of rotation farther off than this many sizes of the contact count as translations,
-    with the rotation's share bounded from above: the relative error there is 1e-9 either way."""
+    with the rotation's share bounded from above, to far^-3 = 1e-9 of the slip."""
     grid: int = 25
     rounds: int = 5
     reach: float = 3.0
-    margin: float = 1e-06
+    margin: float = 1e-6
     """Centres of rotation that are tried for a polygon: a grid of 25 x 25 over three times its
-    size, then four finer ones around the worst. More change arms by less than the margin."""
+    size to either side, then four finer ones around the worst. More of them change arms by less
+    than the margin."""
+    sliding: float = 1e-9
+    """1 - V^2 below this is rounding: such a state is a translation, which bounds no arm."""
 
 
 _N = _Numbers()
@@ -50,7 +69,7 @@ class Edges:
     contact : (m,) array of int
         Contact of each edge.
     start, along : (m, 2) arrays
-        First corner of each edge, and unit vector along it, counter-clockwise.
+        First corner of each edge, and unit vector along it; corners come counter-clockwise.
     length : (m,) array
         Lengths of the edges.
     area : (n,) array
@@ -98,11 +117,11 @@ class Edges:
         return result / self.area.reshape(-1, *[1] * (values.ndim - 1))
 
     def _integrals(self, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Returns, for ``centre`` (n, ..., 2), the signed distance h of each edge's line from the
-        centre, and the integral of the distance along the edge (m, ...)."""
-        each = [1] * (centre.ndim - 2)
-        x, y = np.moveaxis(self.start.reshape(-1, *each, 2) - centre[self.contact], -1, 0)
-        t1, t2, length = (v.reshape(-1, *each) for v in (*self.along.T, self.length))
+        """Returns for each edge (m, ...), with ``centre`` (n, ..., 2) that of its contact, the
+        signed distance h of the edge's line, and the integral of abs(r - c) ds along the edge."""
+        trials = [1] * (centre.ndim - 2)  # room for several centres per contact
+        x, y = np.moveaxis(self.start.reshape(-1, *trials, 2) - centre[self.contact], -1, 0)
+        t1, t2, length = (v.reshape(-1, *trials) for v in (*self.along.T, self.length))
         h, s = x * t2 - y * t1, x * t1 + y * t2
         return h, distance_integral(h, s + length) - distance_integral(h, s)
 
@@ -119,27 +138,33 @@ class Edges:
 
     def mean_slip(self, slip: FloatArray, twist: FloatArray) -> FloatArray:
         """Returns the mean size (n,) of the slip of each contact's points, for ``slip`` (n, 2) at
-        its centroid and ``twist`` (n,). It is exact; where next to nothing rotates it is larger by
-        ``far`` to the power of -3 at most."""
-        # A rotation about the point that does not slip, unless it is too far off.
+        its centroid and ``twist`` (n,). It is exact, but larger by ``far`` to the power of -3 of
+        itself at most where next to nothing rotates. It is never too small but for rounding."""
         speed = np.linalg.norm(slip, axis=1)
-        turning = np.abs(twist) * self.size
+        turning = np.abs(twist) * self.size  # what rotation alone adds at most, at any point
+        # A rotation about the point that does not slip, unless that point is too far off.
         is_far = speed >= _N.far * turning
         safe = np.where(is_far, 1.0, twist)
         centre = np.stack([-slip[:, 1] / safe, slip[:, 0] / safe], axis=1)
         centre = np.where(is_far[:, None], 0.0, centre)
         rotating = np.abs(twist) * self.mean_distance(centre)
-        # Far off: abs(slip + twist x r) <= a + b^2 / (2 a), with a its component along the slip and
-        # b the one across it.
+        # Far off: hypot(a, b) <= a + b^2 / (2 a) at every point, with a its slip along the slip of
+        # the centroid, and b = twist (r . ahead) the one across. The contact's origin is its
+        # centroid, so the mean of a is `speed`, and a >= `least`. That is too much by the next term
+        # of the series, about turning^3 / speed^2: at most far^-3 of the speed.
         least = np.where(is_far & (speed > 0.0), speed - turning, 1.0)
         ahead = slip / np.where(speed > 0.0, speed, 1.0)[:, None]
-        across = twist**2 * np.einsum("ni,nik,nk->n", ahead, self.spread, ahead)
-        translating = speed + across / (2.0 * least)
+        mean_b_squared = twist**2 * np.einsum("ni,nik,nk->n", ahead, self.spread, ahead)
+        translating = speed + mean_b_squared / (2.0 * least)
+        # The mean size is never below the size of the mean, whatever the rounding.
         return np.where(is_far, translating, np.maximum(rotating, speed))
 
 
 def _second_moments(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Returns the integrals (m, 2, 2) of r r' over the triangles between edges and the origin."""
+    """Returns the integrals (m, 2, 2) of r r' over the triangles between edges and the origin.
+
+    With corners a and b of the edge they are (a x b) / 24 times a a' + b b' + (a + b)(a + b)'.
+    """
     doubled = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
     corners = (start, end, start + end)
     squares = sum((p[:, :, None] * p[:, None, :] for p in corners), np.zeros((len(start), 2, 2)))
@@ -168,8 +193,8 @@ def parabola_arm(contacts: Contacts) -> FloatArray:
     """Returns the largest arm c (n,), a length, for which the parabola
     abs(MT) / c <= mu N - abs(V)^2 / (mu N) is inside the exact set.
 
-    For rectangles it is c_T. For other polygons it is searched over centres of rotation, and it is
-    c_T at most.
+    For rectangles it is c_T. For other polygons it is searched over centres of rotation, and c_T
+    is the most that is taken, since a smaller arm is always inside too.
     """
     arm = np.array(contacts.torsion_arm)
     others = np.flatnonzero(~contacts.is_rectangle)
@@ -180,19 +205,25 @@ def parabola_arm(contacts: Contacts) -> FloatArray:
 
 
 def _largest_arm(edges: Edges) -> FloatArray:
-    """Returns the smallest abs(MT) / (1 - abs(V)^2) (n,) of all limit states, as shares of mu N,
-    on a grid of centres of rotation that becomes finer around the worst one."""
-    count = len(edges.area)
-    middle, width = np.zeros((count, 2)), _N.reach * edges.size
-    best = np.full(count, np.inf)
-    steps = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, _N.grid)] * 2), axis=-1).reshape(-1, 2)
+    """Returns the largest arm (n,) of a parabola that is inside the exact set.
+
+    It is inside if every limit state is outside the parabola or on it, as shares of mu N:
+    abs(MT) >= c (1 - abs(V)^2) for all centres of rotation. So the largest arm is the least of all
+    abs(MT) / (1 - abs(V)^2): on a grid of centres, which becomes finer around the worst of them.
+    """
+    every = np.arange(len(edges.area))
+    middle, width = np.zeros((len(every), 2)), _N.reach * edges.size
+    least_arm = np.full(len(every), np.inf)
+    cells = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, _N.grid)] * 2), axis=-1).reshape(-1, 2)
     for _ in range(_N.rounds):
-        centre = middle[:, None] + width[:, None, None] * steps
+        centre = middle[:, None] + width[:, None, None] * cells
         v1, v2, moment = np.moveaxis(limit_states(edges, centre), -1, 0)
         left = 1.0 - v1**2 - v2**2
-        arm = np.where(left > 1e-9, np.abs(moment) / np.where(left > 1e-9, left, 1.0), np.inf)
+        rotates = left > _N.sliding
+        arm = np.where(rotates, np.abs(moment) / np.where(rotates, left, 1.0), np.inf)
         worst = arm.argmin(axis=1)
-        best = np.minimum(best, arm[np.arange(count), worst])
-        middle = centre[np.arange(count), worst]
+        least_arm = np.minimum(least_arm, arm[every, worst])
+        # The next grid: one and a half cells of this one to either side of the worst centre.
+        middle = centre[every, worst]
         width = width * (3.0 / (_N.grid - 1))
-    return best
+    return least_arm
