@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import EFFORT, OUTPUT, argument, option, taking
+from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, option
 from cvxlimit.cli.report import ExitCode, check_outputs, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.compare import Comparison, compare
@@ -42,7 +42,7 @@ class Contest:
                          group=EFFORT)  # fmt: skip
 
 
-@taking(Contest)
+@command_of(Contest)
 def compare_command(asked: Contest) -> ExitCode:
     """Measure time and true error of several models on one scene, in turns."""
     inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}

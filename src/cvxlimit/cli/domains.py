@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import EFFORT, OUTPUT, argument, named_values, option, taking, vector
+from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, named_values, option, vector
 from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
@@ -59,7 +59,7 @@ class Asked:
     )
 
 
-@taking(Asked)
+@command_of(Asked)
 def domain_command(asked: Asked) -> ExitCode:
     """Enclose all load vectors that a structure carries beside its dead load."""
     inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}

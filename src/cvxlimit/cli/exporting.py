@@ -12,12 +12,12 @@ from cvxlimit.base.versions import __version__
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import (
     argument,
+    command_of,
     either,
     model_option,
     option,
     output_option,
     surface_option,
-    taking,
 )
 from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, show
 from cvxlimit.cli.solving import scene_named
@@ -47,7 +47,7 @@ class Export:
     )
 
 
-@taking(Export)
+@command_of(Export)
 def export_command(asked: Export) -> ExitCode:
     """Write the convex problem that the solver gets, with its proved optimum in a comment."""
     form = asked.format.lower()

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from cvxlimit.base.files import write_file
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import EFFORT, OUTPUT, argument, option, taking, vector
+from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, option, vector
 from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
@@ -71,7 +71,7 @@ class Followed:
     )
 
 
-@taking(Followed)
+@command_of(Followed)
 def pushover_command(asked: Followed) -> ExitCode:
     """Follow a structure after its collapse factor in finite displacements, with a bracket at every
     configuration."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import OUTPUT, argument, option, output_option, taking, vector
+from cvxlimit.cli.options import OUTPUT, argument, command_of, option, output_option, vector
 from cvxlimit.cli.report import (
     SCENE_PICTURES,
     ExitCode,
@@ -108,7 +108,7 @@ def _spelt(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-@taking(Geometry)
+@command_of(Geometry)
 def import_command(asked: Geometry) -> ExitCode:
     """Make a scene from geometry files, and report contacts found and repairs made.
 

@@ -1,4 +1,8 @@
-"""Commands as records: the fields of a dataclass are what a command takes."""
+"""Commands as records: the fields of a dataclass are what a command takes.
+
+Each field is made with :func:`argument` or :func:`option`, which keep what Typer needs to know in
+the field's metadata; :func:`command_of` makes the command from the record.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +21,13 @@ from cvxlimit.errors import InputError
 
 R = TypeVar("R")
 Job = Callable[[], int]
+"""Work still to be done; returns the exit code."""
 
 SCENE = "Scene file, or name of a built-in scene."
 
 
 def argument(help: str = SCENE, metavar: str = "SCENE") -> Any:
+    """A field that is given by its place on the command line, and must be given."""
     return field(metadata={"typer": typer.Argument(metavar=metavar, help=help, show_default=False)})
 
 
@@ -32,13 +38,18 @@ MODEL, OUTPUT, EFFORT = "Model", "Output", "Effort"
 def option(
     metavar: str, help: str, default: Any = None, *names: str, group: str = MODEL, **more: Any
 ) -> Any:
-    made = typer.Option(
+    """A field that is given by a flag: those in ``names``, or the field's name with dashes.
+
+    ``default`` is ``...`` for an option that must be given; no list or other value that can change,
+    which all calls would share. ``more`` is for :func:`typer.Option`.
+    """
+    flag = typer.Option(
         *names, metavar=metavar, help=help, show_default=False, rich_help_panel=group, **more
     )
-    return field(default=MISSING if default is ... else default, metadata={"typer": made})
+    return field(default=MISSING if default is ... else default, metadata={"typer": flag})
 
 
-_VOICE = [
+_VERBOSITY = [
     Parameter(
         name,
         Parameter.KEYWORD_ONLY,
@@ -52,11 +63,11 @@ _VOICE = [
         ("quiet", "Print nothing but errors."),
     )
 ]
-"""Options of every command that works on a scene."""
+"""Parameters that every command has beside those of its record."""
 
 
-def speaking(work: Job, verbose: bool, quiet: bool) -> Job:
-    """The work with the log on stderr, or without anything shown."""
+def _with_voice(work: Job, verbose: bool, quiet: bool) -> Job:
+    """The work with the log on stderr, or without anything shown; afterwards all is as before."""
     if verbose and quiet:
         raise InputError("--verbose and --quiet exclude each other: leave one out")
 
@@ -78,7 +89,14 @@ def speaking(work: Job, verbose: bool, quiet: bool) -> Job:
     return job
 
 
-def taking(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., Job]]:
+def command_of(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., Job]]:
+    """Decorator: a function of one such record becomes a Typer command with an option or argument
+    for each of its fields.
+
+    Typer takes parameters from the signature and the help from the docstring, which are therefore
+    put together here. The command does not do the work but returns it as a job, which ``main`` runs
+    outside Typer for its exit code: no error in the work is taken for a mistake in the options.
+    """
     hints = get_type_hints(record)
     parameters = [
         Parameter(
@@ -90,18 +108,19 @@ def taking(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., Job]
         for each in fields(record)  # type: ignore[arg-type]
     ]
 
-    def made(work: Callable[[R], int]) -> Callable[..., Job]:
+    def decorate(work: Callable[[R], int]) -> Callable[..., Job]:
         def command(*, verbose: bool, quiet: bool, **given: Any) -> Job:
-            return speaking(partial(work, record(**given)), verbose, quiet)
+            return _with_voice(partial(work, record(**given)), verbose, quiet)
 
-        command.__signature__ = Signature([*parameters, *_VOICE])  # type: ignore[attr-defined]
+        command.__signature__ = Signature([*parameters, *_VERBOSITY])  # type: ignore[attr-defined]
         command.__doc__ = work.__doc__
         return command
 
-    return made
+    return decorate
 
 
 def surface_option(default: str | None = "conic") -> Any:
+    """Of commands that solve; None is for one that must know whether it was given."""
     return option("NAME", "Yield surface, as for solve: conic (default), octagon ...", default)
 
 
@@ -128,7 +147,13 @@ def either(names: Iterable[str]) -> str:
 
 
 def named_values(option: str, given: Sequence[str], form: str) -> Iterator[tuple[str, str, str]]:
-    """Each NAME=VALUE whole, its name, and its value; ``form`` is told where one is not so."""
+    """Of each NAME=VALUE given with ``option``: the whole, the name and the value.
+
+    A refusal says ``form``, how it should be written.
+
+    >>> [*named_values("--friction", ["b=0.5"], "write NAME=VALUE")]
+    [('b=0.5', 'b', '0.5')]
+    """
     known = set[str]()
     for text in given:
         name, sign, value = text.partition("=")
@@ -141,6 +166,11 @@ def named_values(option: str, given: Sequence[str], form: str) -> Iterator[tuple
 
 
 def vector(name: str, text: str, example: str) -> tuple[float, ...]:
+    """The three numbers of X,Y,Z; a refusal names what they are of and gives the example.
+
+    >>> vector("--live", "1,0,-0.5", "1,0,0")
+    (1.0, 0.0, -0.5)
+    """
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError as error:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rich.text import Text
 
-from cvxlimit.cli.options import argument, option, taking
+from cvxlimit.cli.options import argument, command_of, option
 from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
@@ -32,7 +32,7 @@ class Claimed:
     )
 
 
-@taking(Claimed)
+@command_of(Claimed)
 def prove_command(asked: Claimed) -> ExitCode:
     """Prove a result, a load domain, a path or a sweep again from the forces and mechanisms that it
     holds; numbers that were changed are not proved."""

@@ -22,12 +22,12 @@ from cvxlimit.cli.options import (
     EFFORT,
     OUTPUT,
     argument,
+    command_of,
     either,
     model_option,
     option,
     result_option,
     surface_option,
-    taking,
     vector,
 )
 from cvxlimit.cli.report import (
@@ -265,7 +265,7 @@ class Order:
         return {**given, "method": asked}
 
 
-@taking(Order)
+@command_of(Order)
 def solve_command(order: Order) -> ExitCode:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
     files = Files(order.json, order.plot, order.export, order.report, order.without_dilatancy)
@@ -336,7 +336,7 @@ class Movement:
     report: Path | None = report_option()
 
 
-@taking(Movement)
+@command_of(Movement)
 def settle_command(asked: Movement) -> ExitCode:
     """Find the least or largest reaction of supports that move, under the dead load alone."""
     files = Files(asked.json, asked.plot, report=asked.report)
@@ -372,7 +372,7 @@ class Question:
     model: str = model_option()
 
 
-@taking(Question)
+@command_of(Question)
 def explain_command(asked: Question) -> ExitCode:
     """Report the size of the model, the solver and the expected time of every method, without
     solving."""
@@ -397,7 +397,7 @@ class Drawing:
     )
 
 
-@taking(Drawing)
+@command_of(Drawing)
 def show_command(asked: Drawing) -> ExitCode:
     """Draw a scene before it is solved: blocks, supports, joints, loads, near misses.
 

@@ -18,11 +18,11 @@ from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import (
     EFFORT,
     argument,
+    command_of,
     named_values,
     option,
     output_option,
     surface_option,
-    taking,
 )
 from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
@@ -58,7 +58,7 @@ class Variations:
     workers: int = option("N", "Processes that solve; 1 unless given.", 1, group=EFFORT)
 
 
-@taking(Variations)
+@command_of(Variations)
 def sweep_command(asked: Variations) -> ExitCode:
     """Solve all variations of a scene; every row has its own bracket, and failures are kept as
     rows."""

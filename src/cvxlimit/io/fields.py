@@ -1,4 +1,9 @@
-"""JSON documents on disk, and checked access to their fields: refusals say where and what to do."""
+"""JSON documents on disk, and checked access to their fields: refusals say where and what to do.
+
+Functions from :func:`fields` to :func:`whole` take a ``value`` as JSON gives it, and ``where``, how
+refusals call it ("friction of the scene"). They return the value as the type they are named after,
+or raise :class:`~cvxlimit.errors.InputError`.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +22,7 @@ from cvxlimit.errors import InputError
 
 JsonObject = dict[str, object]
 
-LARGEST = 1e30
+LARGEST_NUMBER = 1e30
 """Largest magnitude of a number in a scene. Weights are products of four of them and the
 analysis squares moments; beyond this they would overflow. No units need more."""
 
@@ -26,6 +31,8 @@ ANY_FINITE = sys.float_info.max
 
 
 class _Short(reprlib.Repr):
+    """Also shortens numbers whose digits Python would refuse to write, or nobody would read."""
+
     def repr_int(self, x: int, level: int) -> str:
         return repr(x) if abs(x) < 10**60 else "a whole number of more than 60 digits"
 
@@ -36,11 +43,17 @@ _SHORT.maxlevel = 3
 
 
 def shown(value: object) -> str:
-    """Returns a value as a short text in one line."""
+    """A value as a refusal quotes it: on one line, and not longer than one reads.
+
+    >>> shown("two\\nlines")
+    "'two\\\\nlines'"
+    """
     return one_line(_SHORT.repr(value))
 
 
 def one_line(text: str) -> str:
+    """The text without its middle if it is long; what would break the line or act on a terminal
+    is written as an escape."""
     if len(text) > 500:
         text = f"{text[:250]} ... {text[-250:]}"
     if text.isprintable():
@@ -50,6 +63,7 @@ def one_line(text: str) -> str:
 
 @contextmanager
 def refusals(prefix: str = "") -> Iterator[None]:
+    """Put ``prefix``, such as a file's name, before what is refused inside, all in one line."""
     try:
         yield
     except InputError as error:
@@ -61,6 +75,7 @@ def refusals(prefix: str = "") -> Iterator[None]:
 def fields(
     value: object, where: str, required: Collection[str], optional: Collection[str] = ()
 ) -> JsonObject:
+    """An object that has all required keys, and none that is neither required nor optional."""
     if not isinstance(value, dict):
         raise InputError(f"{where} must be an object {{...}}, got {shown(value)}")
     known = [*required, *optional]
@@ -80,13 +95,14 @@ _EXAMPLES = {
 
 
 def _advice(key: object, known: Collection[str]) -> str:
+    """The key that was meant, where one is much like it, or else all that are known."""
     if isinstance(key, str) and len(key) <= 40:
         return meant(key, known, f"known keys are {', '.join(known)}")
     return f"known keys are {', '.join(known)}"
 
 
 def mapping(value: object, where: str) -> dict[str, object]:
-    """Returns a JSON object whose keys are texts, or raises InputError."""
+    """An object with any keys, as of blocks by their ids."""
     if not isinstance(value, dict):
         raise InputError(f"{where} must be an object {{...}}, got {shown(value)}")
     for key in value:
@@ -95,14 +111,14 @@ def mapping(value: object, where: str) -> dict[str, object]:
 
 
 def items(value: object, where: str) -> list[object] | tuple[object, ...]:
-    """Returns a JSON list, or raises InputError."""
+    """A list of any length; nothing is said of its entries."""
     if not isinstance(value, (list, tuple)):
         raise InputError(f"{where} must be a list [...], got {shown(value)}")
     return value
 
 
 def text(value: object, where: str) -> str:
-    """Returns a JSON text, or raises InputError."""
+    """A text that can be written as UTF-8 again: JSON's escapes can spell half a character."""
     if not isinstance(value, str):
         raise InputError(f"{where} must be a text in quotes, got {shown(value)}")
     if not value.isascii() and any("\ud800" <= c <= "\udfff" for c in value):
@@ -113,8 +129,8 @@ def text(value: object, where: str) -> str:
     return str(value)
 
 
-def number(value: object, where: str, largest: float = LARGEST) -> float:
-    """Returns a finite number not beyond ``largest``, or raises InputError."""
+def number(value: object, where: str, largest: float = LARGEST_NUMBER) -> float:
+    """A finite number of at most ``largest`` in magnitude; True and False are none."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         cure = "; remove the quotes" if isinstance(value, str) else ""
         if isinstance(value, str) and "," in value:
@@ -129,8 +145,9 @@ def number(value: object, where: str, largest: float = LARGEST) -> float:
 
 
 def numbers(
-    value: object, names: Collection[str], where: str, largest: float = LARGEST
+    value: object, names: Collection[str], where: str, largest: float = LARGEST_NUMBER
 ) -> tuple[float, ...]:
+    """As many numbers as there are names, which refusals call them by: x, y, z."""
     row = value if isinstance(value, (list, tuple)) else None
     if row is None or len(row) != len(names):
         raise InputError(
@@ -142,14 +159,14 @@ def numbers(
 
 
 def whole(value: object, where: str) -> int:
-    """Returns a whole number from 0 on, or raises InputError."""
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= LARGEST:
+    """A whole number from 0 on."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= LARGEST_NUMBER:
         raise InputError(f"{where} must be a whole number from 0 on, got {shown(value)}")
     return value
 
 
 def check_header(value: object, kind: str) -> None:
-    """Raises InputError unless a document says that it is of this ``kind``, in a known version."""
+    """Refuse what does not say that it is a file of this kind, of the version known here."""
     name = f"cvxlimit-{kind}"
     if not isinstance(value, dict):
         raise InputError(f"a {kind} must be a JSON object {{...}}, got {shown(value)}")
@@ -167,25 +184,27 @@ def check_header(value: object, kind: str) -> None:
             raise InputError(f"{key} must be {quoted}, got {shown(value[key])}; {cure}")
 
 
-Path = str | os.PathLike[str]
+FilePath = str | os.PathLike[str]
 
 LARGEST_FILE = 256 * 2**20
 """Bytes. A million boxes need about 150 MiB; more is a mistake, or meant to exhaust memory."""
 
 
-def read_document(path: Path) -> object:
-    """Returns the JSON value in a file; errors leave the file's name to the caller."""
+def read_document(path: FilePath) -> object:
+    """The JSON value in a file; errors leave the file's name to the caller."""
     return parsed(read_bytes(path))
 
 
 def parsed(data: bytes) -> object:
-    """Returns a JSON value; NaN and Infinity become floats, which the check of their field
-    refuses."""
-    text = decoded(data)
-    if not text.strip():
+    """The JSON value that bytes in UTF-8 hold.
+
+    NaN and Infinity come out as floats, and the check of their field refuses them by name.
+    """
+    content = decoded(data)
+    if not content.strip():
         raise InputError("the file is empty; expected a JSON object {...}")
     try:
-        return json.loads(text, object_pairs_hook=_unique_keys)
+        return json.loads(content, object_pairs_hook=_unique_keys)
     except InputError:
         raise
     except json.JSONDecodeError as error:
@@ -199,7 +218,7 @@ def parsed(data: bytes) -> object:
 
 
 def encoded(document: Mapping[str, object]) -> bytes:
-    """Returns a document as JSON in UTF-8."""
+    """The bytes of a document's file; refused if a number is not finite or a text not Unicode."""
     try:
         return laid_out(document).encode("utf-8")
     except ValueError as error:
@@ -207,18 +226,18 @@ def encoded(document: Mapping[str, object]) -> bytes:
 
 
 def laid_out(document: Mapping[str, object]) -> str:
-    """Returns JSON with one key, block, contact or force per line, which can be read and
-    compared."""
+    """JSON with one key, block, contact or force per line, which can be read and compared."""
     lines = [f" {_json(key)}: {_laid_out_value(value)}" for key, value in document.items()]
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def file_prefix(path: Path) -> str:
-    """Returns the beginning of an error about a file."""
+def file_prefix(path: FilePath) -> str:
+    """What :func:`refusals` puts before a sentence on a file: its name."""
     return f"{one_line(os.fsdecode(path))}: "
 
 
 def _laid_out_value(value: object) -> str:
+    """With a line for each entry if any of them has entries of its own."""
     nested = (dict, list, tuple)
     if isinstance(value, dict) and any(isinstance(x, nested) for x in value.values()):
         rows = [f"{_json(key)}: {_json(x)}" for key, x in value.items()]
@@ -233,9 +252,10 @@ def _json(value: object) -> str:
 
 
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0)
+"""Flag that opens a pipe without waiting for who writes to it; absent on Windows."""
 
 
-def read_bytes(path: Path, is_asked_for: bool = True) -> bytes:
+def read_bytes(path: FilePath, is_asked_for: bool = True) -> bytes:
     """The content of a file that the user asks for, which may be a pipe that another program
     fills, or of one that a file names, which must be a regular file: nobody may be there to write
     to a pipe, and it would be waited for without end."""
@@ -261,7 +281,7 @@ def read_bytes(path: Path, is_asked_for: bool = True) -> bytes:
 
 
 def decoded(data: bytes) -> str:
-    """Returns the text of bytes in UTF-8, or raises InputError."""
+    """Text in UTF-8, with or without a mark of byte order at its start."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -273,6 +293,7 @@ def decoded(data: bytes) -> str:
 
 
 def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """The object that pairs of key and value make; json alone would keep the last of equal keys."""
     result = dict(pairs)
     if len(result) < len(pairs):
         twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
@@ -282,4 +303,5 @@ def _unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
 
 
 def _reason(error: OSError | ValueError) -> str:
+    """What the system says, without the number of the error and the path, which others add."""
     return (error.strerror if isinstance(error, OSError) else None) or str(error)

@@ -18,9 +18,9 @@ from cvxlimit.base.checks import meant
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import (
-    LARGEST,
+    LARGEST_NUMBER,
+    FilePath,
     JsonObject,
-    Path,
     check_header,
     encoded,
     fields,
@@ -67,7 +67,7 @@ NUMBER = plain(number, {"type": "number"})
 WHOLE = plain(whole, {"type": "integer", "minimum": 0}, lambda value, _: int(value))
 
 
-def row(names: Collection[str], largest: float = LARGEST) -> Form:
+def row(names: Collection[str], largest: float = LARGEST_NUMBER) -> Form:
     size = {"minItems": len(names), "maxItems": len(names)}
     return plain(
         lambda value, where: numbers(value, names, where, largest),
@@ -240,11 +240,11 @@ class Document(Generic[T]):
             header = {"format": f"cvxlimit-{self.kind}", "version": 1}
             return header | self.form.write(value, f"the {self.kind}", "")
 
-    def read(self, path: Path) -> T:
+    def read(self, path: FilePath) -> T:
         with refusals(file_prefix(path)):
             return self.from_dict(read_document(path))
 
-    def write(self, value: T, path: Path) -> None:
+    def write(self, value: T, path: FilePath) -> None:
         with refusals(file_prefix(path)):
             data = encoded(self.to_dict(value))
         write_file(path, data)

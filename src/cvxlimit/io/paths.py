@@ -9,7 +9,16 @@ import numpy as np
 
 from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, fields, number, refusals, shown, text
+from cvxlimit.io.fields import (
+    ANY_FINITE,
+    FilePath,
+    JsonObject,
+    fields,
+    number,
+    refusals,
+    shown,
+    text,
+)
 from cvxlimit.io.forms import (
     FLAG,
     TEXT,
@@ -171,7 +180,7 @@ PATH: Document[Displacements] = Document(
 )
 
 
-def read_path(path: Path) -> Displacements:
+def read_path(path: FilePath) -> Displacements:
     """Read a file written by :func:`write_path`: a path with its scene, which goes on from there.
 
     Raises
@@ -182,7 +191,7 @@ def read_path(path: Path) -> Displacements:
     return PATH.read(path)
 
 
-def write_path(displacements: Displacements, path: Path) -> None:
+def write_path(displacements: Displacements, path: FilePath) -> None:
     """Write a path with its scene and all configurations, complete or not at all.
 
     Raises

@@ -13,7 +13,7 @@ from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.geometry.lumped import Lumped
-from cvxlimit.io.fields import ANY_FINITE, JsonObject, Path, number, shown
+from cvxlimit.io.fields import ANY_FINITE, FilePath, JsonObject, number, shown
 from cvxlimit.io.forms import (
     TEXT,
     WHOLE,
@@ -262,7 +262,7 @@ RESULT: Document[Solution] = Document(
 )
 
 
-def read_result(path: Path) -> Solution:
+def read_result(path: FilePath) -> Solution:
     """Read a result file written by :func:`write_result`.
 
     Raises
@@ -287,7 +287,7 @@ def read_result(path: Path) -> Solution:
     return RESULT.read(path)
 
 
-def write_result(solution: Solution, path: Path) -> None:
+def write_result(solution: Solution, path: FilePath) -> None:
     """Write a result file, complete or not at all, that :func:`read_result` reads without loss.
 
     Raises

@@ -16,9 +16,9 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.io.fields import (
-    LARGEST,
+    LARGEST_NUMBER,
+    FilePath,
     JsonObject,
-    Path,
     fields,
     items,
     number,
@@ -81,9 +81,10 @@ def _read_block(value: object, where: str, _: str) -> BlockOf:
 def _write_block(block: Block, *_: str) -> JsonObject:
     where = f"block {shown(block.id)}"
     points = block.vertices if block.bounds is None else np.array(block.bounds)
-    if not (np.abs(points) <= LARGEST).all():
+    if not (np.abs(points) <= LARGEST_NUMBER).all():
         raise InputError(
-            f"coordinates of {where} must be finite and at most {LARGEST:g}; choose other units"
+            f"coordinates of {where} must be finite and at most {LARGEST_NUMBER:g}; "
+            "choose other units"
         )
     entry: JsonObject = {"id": text(block.id, "id of a block")}
     if block.bounds is None:
@@ -281,7 +282,7 @@ SCENE: Document[Scene] = Document(
 )
 
 
-def read_scene(path: Path) -> Scene:
+def read_scene(path: FilePath) -> Scene:
     """Read a scene file.
 
     ``name``, ``units`` and ``contacts`` may be left out and then take the defaults of
@@ -316,7 +317,7 @@ def read_scene(path: Path) -> Scene:
     return SCENE.read(path)
 
 
-def write_scene(scene: Scene, path: Path) -> None:
+def write_scene(scene: Scene, path: FilePath) -> None:
     """Write a scene file, complete or not at all, that :func:`read_scene` reads without loss.
 
     Raises

@@ -17,7 +17,7 @@ from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io.fields import (
-    LARGEST,
+    LARGEST_NUMBER,
     decoded,
     file_prefix,
     one_line,
@@ -375,12 +375,12 @@ def _unique(bodies: Sequence[Body], notes: list[str]) -> list[Body]:
 
 def _check_coordinates(bodies: Sequence[Body]) -> None:
     for body in bodies:
-        fine = (np.abs(body.vertices) <= LARGEST).all(axis=1)
+        fine = (np.abs(body.vertices) <= LARGEST_NUMBER).all(axis=1)
         if not fine.all():
             worst = int(np.flatnonzero(~fine)[0])
             raise InputError(
                 f"vertex {worst} of block {shown(body.name)} must be finite and at most "
-                f"{LARGEST:g}, got {body.vertices[worst].tolist()}"
+                f"{LARGEST_NUMBER:g}, got {body.vertices[worst].tolist()}"
             )
 
 

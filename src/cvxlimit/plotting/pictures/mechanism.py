@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from cvxlimit.base.checks import positive
 from cvxlimit.plotting.annotations import annotated, shapes_of
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest, camera_for
@@ -15,24 +17,24 @@ from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import ContactKind
 
 CRACK = 1.8
-"""Width of the widest crack, in lines of the mechanism's widest joint: nothing gapes there to be
-seen by."""
+"""Factor on the widths of lines in the crack pattern: nothing is displaced there, so that lines
+alone show where joints gape."""
 
 
 @picture
 def mechanism(solution: Solution, *, magnification: float = 1.0, viewer: Viewer = None) -> Drawing:
     """How the structure falls: displaced blocks by speed, and what the joints do.
 
-    Joints that open, slide or twist are outlined, the wider the faster; those that move by less
-    than 5 % of the fastest are not, so that many small slips do not hide what fails.
+    Joints that open, slide or twist are outlined, the wider the faster; the slow ones are not, so
+    that many small slips do not hide what fails. The caption says which count as slow.
 
     Parameters
     ----------
     solution : Solution
         With its scene.
     magnification : float
-        Of the displacements as they are drawn by themselves: 9 % of the structure's size. What the
-        largest one comes to is said on the picture; rates have no size of their own.
+        Times the displacements that are drawn otherwise, a small share of the structure's size:
+        rates have no size of their own. What the largest one comes to is said on the picture.
     viewer : (3,) or None
         Direction from the scene towards the viewer; chosen from the movement if None.
 
@@ -47,19 +49,22 @@ def mechanism(solution: Solution, *, magnification: float = 1.0, viewer: Viewer 
 def mechanism_of(
     scene: Scene, solution: Solution, magnification: float = 1.0, viewer: Viewer = None
 ) -> Drawing:
+    """As :func:`mechanism`, of a scene that need not be the one the solution carries: other
+    pictures start from this one."""
     moving = motion(scene, solution)
     moving = replace(moving, scale=positive(magnification, "magnification") * moving.scale)
     length = moving.scale * moving.largest
     caption = (
         f"collapse mechanism; largest displacement drawn {length:.3g} {scene.units.length}; "
         f"joints above {100 * SLOW:g} % of the largest rate"
+        f"{_dilatancy_caption(solution, moving)}"
     )
     return Drawing(
         scene,
         moving,
         camera_for(scene, moving, viewer),
         title(solution),
-        caption + _opened_by_sliding(solution, moving) if moving.moves else "",
+        caption if moving.moves else "",
         marking=moving_joints(scene, moving),
         notes=annotated(scene),
         bar=Bar(SPEED_STOPS, SPEED_TEXT) if moving.moves else None,
@@ -68,20 +73,22 @@ def mechanism_of(
     )
 
 
-def _opened_by_sliding(solution: Solution, moving: Motion) -> str:
-    """Openings that only the flow rule asks for, under which joints slide: they are drawn too."""
-    if solution.flow != "associated" or not (moving.contacts.kind >= ContactKind.SLIDES).any():
+def _dilatancy_caption(solution: Solution, moving: Motion) -> str:
+    """What the caption adds where joints slide and, by the associated flow rule, open as well:
+    that such openings are drawn too, and whether they make the load factor unsafe."""
+    slides = np.isin(moving.contacts.kind, (ContactKind.SLIDES, ContactKind.TWISTS))
+    if solution.flow != "associated" or not slides.any():
         return ""
     is_unsafe = solution.dilatancy is not None and solution.dilatancy.is_worth_a_word
     unsafe = ": the load factor is on the unsafe side (without: --method zero-dilatancy)"
-    return "; opening by dilatancy drawn" + unsafe * is_unsafe
+    return "; opening by dilatancy drawn" + (unsafe if is_unsafe else "")
 
 
 @picture
 def cracks(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     """The crack pattern: joints that open, slide and twist, on the undeformed structure.
 
-    Lines are the wider the faster the joints move; below 5 % of the fastest there is none.
+    Lines are the wider the faster the joints move; slow ones have none, as the caption says.
     Parameters and errors as for :func:`mechanism`.
     """
     scene = solution.scene

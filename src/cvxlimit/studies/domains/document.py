@@ -8,7 +8,7 @@ import numpy as np
 
 from cvxlimit.base.checks import first_twice
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import ANY_FINITE, Path, items, shown, text
+from cvxlimit.io.fields import ANY_FINITE, FilePath, items, shown, text
 from cvxlimit.io.forms import (
     FLAG,
     TEXT,
@@ -123,7 +123,7 @@ DOMAIN: Document[LoadDomain] = Document(
 )
 
 
-def read_domain(path: Path) -> LoadDomain:
+def read_domain(path: FilePath) -> LoadDomain:
     """Read a file written by :func:`write_domain`.
 
     Raises
@@ -135,6 +135,6 @@ def read_domain(path: Path) -> LoadDomain:
     return found
 
 
-def write_domain(domain: LoadDomain, path: Path) -> None:
+def write_domain(domain: LoadDomain, path: FilePath) -> None:
     """Write a domain with all its solutions as JSON; the file is complete or untouched."""
     DOMAIN.write(domain, path)
