@@ -18,7 +18,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex_search import dead_load_falls, fallen
+from cvxlimit.methods.convex_search import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.interaction.branching.search import BranchAndBound, processes
 from cvxlimit.methods.interaction.relaxation.upper import UpperBound
@@ -26,6 +26,7 @@ from cvxlimit.methods.interaction.restriction.inner import InnerMethod
 from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, basis, prove
 from cvxlimit.methods.interaction.restriction.slater import carrying_forces
 from cvxlimit.methods.interaction.settings import BRACKET
+from cvxlimit.methods.standing import fallen
 from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.readings.halves import SymmetricHalf

@@ -1,9 +1,18 @@
-"""The load factor without interaction: solvers in turn, and proofs that no answer exists."""
+"""The load factor without interaction: solvers in turn, and proofs that no answer exists.
+
+Solvers are tried until the bracket, which is recomputed outside them, is narrow enough. What is
+asked beside the load factor, of problems of their own:
+
+- Does the dead load stand alone? Forces that carry it are the reference state of lower bounds.
+- If it does not: does it stand with a part of the live load? Then there are two ends to find.
+- Do contacts wedge each other? Rates that open them all are the opening field of upper bounds.
+- Do forces carry the live load alone? Then they carry any multiple of it, and there is no limit.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 
@@ -18,6 +27,7 @@ from cvxlimit.methods.standing import (
     SOLVERS_ASIDE,
     Held,
     about_the_lower_end,
+    fallen,
     held,
     lower_end,
     refuse_an_interval,
@@ -32,28 +42,16 @@ from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
 from cvxlimit.reductions.choice import Reductions
-from cvxlimit.scene import Scene
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, Certificate, known
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
-
-@dataclass(frozen=True)
-class _Numbers:
-    """Of questions beside the load factor."""
-
-    # contact forces, over the dead load, beyond which it is rounding alone that could hold a block:
-    # solvers leave missing openings of 1e-12 to 1e-10 of the rates in exact mechanisms
-    no_force: float = 1e8
-    # whether a load stands shows far from the optimum: forces inside are all that is asked of them
-    loose: float = 0.1
-
-
-_N = _Numbers()
-
+LOOSE = 0.1
+"""Tolerance of the first solver for a load alone: whether it stands shows far from the optimum."""
 
 _Ends = Generator[None, None, Status | None]
+"""As Steps, but None where no solver settled it."""
 
 
 def dead_load_falls(run: Run) -> bool:
@@ -72,29 +70,38 @@ def standing(run: Run, model: str) -> ConvexSearch | None:
         If it stands together with a part of the live load: the answer is an interval then.
     """
     search = ConvexSearch(run.auxiliary_run(), model)
-    if not search.dead_load_falls():
+    if not search.dead_load_is_unstable():
         return search
-    end = search.held()
-    refuse_an_interval(end.factor)
+    held_by = search.held_by_live_load()
+    refuse_an_interval(held_by.factor)
     run.best, run.remarks = search.run.best, search.run.remarks
-    if end.remark:
-        run.remarks.append(end.remark)
+    if held_by.remark:
+        run.remarks.append(held_by.remark)
     return None
 
 
-def fallen(scene: Scene, rates: FloatArray) -> str:
-    """What happens to the free block on which the dead load does the most work, at rates (n, 6)."""
-    row = int((rates * scene.dead_forces).sum(axis=1).argmax())
-    block, velocity = scene.blocks[scene.free[row]].id, rates[row, :3]
-    gravity = np.array(scene.dead.gravity or (0.0, 0.0, 0.0))
-    rises = float(velocity @ gravity) < -0.5 * float(np.linalg.norm(velocity))
-    return f"block {block!r} is lifted" if rises else f"block {block!r} falls"
-
-
 class ConvexSearch:
-    """What is asked of a scene without interaction: the load factor, and what loads do alone. The
-    certificate is that of the full scene however much ``model`` there is. A ``problem`` that exists
-    is solved in place of a new one, and keeps the reference states of its last certificate.
+    """What is asked of a scene without interaction: the load factor, and what loads do alone.
+
+    How the methods call each other::
+
+        steps
+          dead_load_is_unstable    forces that carry the dead load alone, or a mechanism
+          (it stands)  _solve_with_fallback
+                         _solvers_in_turn, with the reduced model, then with the full one
+                           _attempt    one solver, its certificate, what it adds to run.best
+                         _is_harmless    whether there is a limit at all
+          (it falls)   _interval
+                         held_by_live_load    a part of the live load that holds the dead load
+                         _solve_with_fallback, for the live load and for its opposite
+
+    Between them ``certifier`` keeps the reference states, ``run`` the best answer and the remarks;
+    ``asked`` keeps a side question, which costs a solve, from being put twice.
+
+    Solvers see so much ``model``; the certificate is that of the full scene in any case. For
+    ``tolerance`` and ``budget`` see :class:`~cvxlimit.methods.convex.Convex`. A ``problem`` is
+    solved in place of a new one, with the reference states of its last certificate; it comes with
+    ``model="full"``, since there is no other problem to fall back to.
     """
 
     def __init__(
@@ -111,9 +118,10 @@ class ConvexSearch:
         self.asked: set[str] = set()
         self.without_duals: list[str] = []
         self.reference: tuple[FloatArray, float] | None = None
-        self._take(model)
+        self._use_model(model)
 
-    def _take(self, model: str) -> None:
+    def _use_model(self, model: str) -> None:
+        """Sets reductions, certifier and problem for so much ``model``."""
         run = self.run
         with run.clock.phase("compile"):
             self.reductions = Reductions.of(run.assemblage, self.surfaces, run.formulation, model)
@@ -125,9 +133,11 @@ class ConvexSearch:
                 self.certifier.offer_dead_state(*self.reference)
             if self._given is not None and self._given.reference is not None:
                 self.certifier.start_from(self._given.reference)
-        self._state(None)
+        self._build_problem(None)
 
-    def _state(self, dead_state: FloatArray | None) -> None:
+    def _build_problem(self, dead_state: FloatArray | None) -> None:
+        """Sets the problem with the smallest model. Parts without live load are left out of it only
+        if ``dead_state``, forces (n, 6) that carry the dead load, shows that they stand."""
         run, reductions = self.run, self.reductions
         with run.clock.phase("compile"):
             reduction = reductions.best(dead_state)
@@ -138,73 +148,78 @@ class ConvexSearch:
 
     @property
     def ladder(self) -> Sequence[SolverSettings]:
+        """Solvers in the order in which they are tried."""
         with self.run.clock.phase("compile"):
             return self.run.ladder or self.problem.ladder(self.tolerance)
 
     def steps(self) -> Steps:
-        """All solvers with the model that suffices, then with the full one."""
-        if self.dead_load_falls():
-            return (yield from self._between())
+        """Finds the load factor, or how it ends without one: see :class:`Method`."""
+        if self.dead_load_is_unstable():
+            return (yield from self._interval())
         if self.reductions.loaded is not None:  # the others are left out, as far as they stand
-            self._state(self.certifier.witnesses.easy_dead_state)
-        status = yield from self._bounded()
-        return (yield from self._between()) if status is Status.DEAD_LOAD_UNSTABLE else status
+            self._build_problem(self.certifier.witnesses.easy_dead_state)
+        status = yield from self._solve_with_fallback()
+        return (yield from self._interval()) if status is Status.DEAD_LOAD_UNSTABLE else status
 
-    def _bounded(self) -> Steps:
+    def _solve_with_fallback(self) -> Steps:
+        """Tries all solvers with the model that suffices, then with the full one."""
         status = yield from self._solvers_in_turn()
         if status is None and self.run.reductions:  # none of it is believed: the full model decides
-            self._take("full")
+            self._use_model("full")
             status = yield from self._solvers_in_turn()
         if status is not None:
             return status
+        # A proved upper bound of usual size is a limit: the live load does harm then.
         best = self.run.best.bracket
         is_harmful = best.upper_is_proved and not self.run.is_boundless(best.upper)
         harmless = not is_harmful and self._is_harmless()
         return Status.LIVE_LOAD_HARMLESS if harmless else Status.NOT_CERTIFIED
 
-    def held(self) -> Held:
+    def held_by_live_load(self) -> Held:
         """Finds with which part of the live load the dead load stands that does not stand alone."""
         reductions = self.reductions
         return held(
             self.run, reductions.assemblage, self.surfaces, reductions.best(), self.certifier
         )
 
-    def _between(self) -> Steps:
+    def _interval(self) -> Steps:
         """Finds both ends of the interval of load factors, where the dead load does not stand
         alone.
 
         The lower end is minus the largest factor of the live load turned round. Both brackets refer
         to one state inside, which carries a load factor of its own. If that is negative all are,
-        since 0 is not: no part of the live load helps then.
+        since 0 is not one of them: no part of the live load helps then.
         """
+        # The fall that led here is recorded in the run: its sentence is the last remark.
         run, (alone,) = self.run, self.run.remarks[-1:]
-        falls, held_by = (run.best, run.remarks), self.held()
+        before, held_by = (run.best, run.remarks), self.held_by_live_load()
         if held_by.state is None or not held_by.factor > 0.0:
             run.remarks = [alone, held_by.remark] if held_by.remark else [alone]
             return Status.DEAD_LOAD_UNSTABLE
+        # The upper end: the run begins anew, since the mechanism of the fall is none of this end.
         run.best, run.remarks = Answer(bracket=Bracket(least=run.scaling.least)), []
         self.refer_to(held_by.state, held_by.factor)
-        upper = yield from self._bounded()
+        status_up = yield from self._solve_with_fallback()
+        # The lower end, with the live load turned round.
         dead, live = run.assemblage.statics.dead, run.assemblage.statics.live
-        turned = run.auxiliary_run(run.assemblage.under(dead, -live))
-        back = ConvexSearch(turned, run.model, self.tolerance, self.budget)
-        back.refer_to(held_by.state, -held_by.factor)
-        lower = yield from back._bounded()
-        run.history += [about_the_lower_end(iterate) for iterate in turned.history]
-        end = lower_end(turned, held_by.factor)
-        if run.best.bracket.upper < end.bracket.lower - run.scaling.least:
-            run.best, run.remarks = falls  # each end excludes what the other one leaves
+        reversed_run = run.auxiliary_run(run.assemblage.under(dead, -live))
+        reversed_search = ConvexSearch(reversed_run, run.model, self.tolerance, self.budget)
+        reversed_search.refer_to(held_by.state, -held_by.factor)
+        status_down = yield from reversed_search._solve_with_fallback()
+        run.history += [about_the_lower_end(iterate) for iterate in reversed_run.history]
+        lower = lower_end(reversed_run, held_by.factor)
+        if run.best.bracket.upper < lower.bracket.lower - run.scaling.least:
+            run.best, run.remarks = before  # each end excludes what the other one leaves
             return Status.DEAD_LOAD_UNSTABLE
-        has_end = upper is not Status.LIVE_LOAD_HARMLESS
+        # Both ends in one answer; without an upper end there is no load factor to report.
         best = run.best
-        if not has_end:
+        if status_up is Status.LIVE_LOAD_HARMLESS:
             best = Answer(forces=best.forces, dilatancy=best.dilatancy)
-        run.best = replace(best, lower_end=end)
-        run.remarks = [told(run.best, turned.best.bracket, alone), *run.remarks]
-        ends = upper, lower
-        if all(end in (Status.CERTIFIED, Status.LIVE_LOAD_HARMLESS) for end in ends):
-            return upper
-        return Status.NOT_CERTIFIED
+        run.best = replace(best, lower_end=lower)
+        run.remarks = [told(run.best, reversed_run.best.bracket, alone), *run.remarks]
+        settled = Status.CERTIFIED, Status.LIVE_LOAD_HARMLESS
+        is_settled = status_up in settled and status_down in settled
+        return status_up if is_settled else Status.NOT_CERTIFIED
 
     def refer_to(self, state: FloatArray, factor: float) -> None:
         """Take a state inside, which carries the dead load with ``factor`` times the live load, in
@@ -214,8 +229,10 @@ class ConvexSearch:
         self.certifier.offer_dead_state(state, factor)
 
     def _solvers_in_turn(self) -> _Ends:
+        """Tries the ladder until a solver settles how it ends."""
         is_cut, stalled = False, set[str]()
         for settings in self.ladder:
+            # with a bracket in hand, leave out what would not narrow it, or not in time
             has_bracket = self.run.best.bracket.has_both
             if has_bracket and settings.name in stalled:
                 continue
@@ -225,9 +242,10 @@ class ConvexSearch:
             state = self._attempt(settings)
             if settings.name == "BLOCKWISE" and state.outcome.status == OPTIMAL_INACCURATE:
                 stalled.add(settings.name)  # by rounding, on a way that no tolerance changes
+            # below zero the dead load alone is not carried; only an interval may have its end there
             bracket = self.run.best.bracket
             is_alone = self.reference is None
-            if is_alone and bracket.is_below_zero and self._falls(*self._late_fall()):
+            if is_alone and bracket.is_below_zero and self._record_fall(*self._fall_below_zero()):
                 return Status.DEAD_LOAD_UNSTABLE
             if bracket.is_within(self.tolerance):
                 return Status.CERTIFIED
@@ -235,6 +253,7 @@ class ConvexSearch:
             if (state.outcome.claims_no_optimum or is_boundless) and self._is_harmless():
                 return Status.LIVE_LOAD_HARMLESS
             yield
+        # Why it is not settled: one or the other, since it takes both bounds to leave a solver out.
         if self.without_duals and not np.isfinite(self.run.best.bracket.upper):
             who = " and ".join(dict.fromkeys(self.without_duals))
             self.run.remarks = [
@@ -247,6 +266,7 @@ class ConvexSearch:
         return None
 
     def _is_too_long(self, settings: SolverSettings) -> bool:
+        """True for a solver that would take longer than all so far and end beyond the budget."""
         run, spent = self.run, self.run.clock.elapsed
         pace, growth = settings.row.pace
         takes = pace * self.problem.shape.variables**growth
@@ -256,12 +276,14 @@ class ConvexSearch:
         return True
 
     def _attempt(self, settings: SolverSettings) -> LimitState:
+        """Runs one solver, and adds what its certificate proves to the best answer."""
         run = self.run
         state = run.solve(self.problem.run, settings)
         if state.forces is not None and state.mechanism is None:
             self.without_duals.append(settings.name)
         bounds = self.bracketed(state)
-        # only now: a tighter bound with an assumption would hide the proved one
+        # only the last certificate: `bracketed` may find the proof of a bound by reference states,
+        # and a tighter one with an assumption, kept from before, would hide it
         internal = state.internal if self.certifier.strength.is_internal else None
         factor, forces = state.load_factor, state.forces
         best = run.best.raised(bounds.lower, bounds.lower_is_proved, factor, forces, internal)
@@ -272,21 +294,24 @@ class ConvexSearch:
         return state
 
     def bracketed(self, state: LimitState) -> Certificate:
-        """The bracket of an answer, and of states to refer to that are sought where it needs
-        them."""
+        """The certificate of an answer; reference states are sought where it needs them."""
         bounds = self._certificate(state)
-        # a proved lower bound loses too much: a state deeper inside may narrow the bracket
+        # Mixed with the reference state, a bound loses more the less reserve that has: one deeper
+        # inside may narrow the bracket. Of `best` only the width counts here.
         is_close = bounds.lower_is_proved and bounds.lower > 0.5 * bounds.upper > 0.0
-        best = self.run.best.bracket.raised(bounds.lower, True).lowered(bounds.upper, False)
+        best = self.run.best.bracket.raised(bounds.lower, is_proved=True)
+        best = best.lowered(bounds.upper, is_proved=False)
         if is_close and not best.is_within(self.tolerance) and self._is_new("dead load"):
             self._dead_load_alone()
             bounds = self._certificate(state)
+        # rates that open every contact prove an upper bound that rests on an assumption so far
         if np.isfinite(bounds.upper) and not bounds.upper_is_proved and self._is_new("opening"):
             self.solve_opening()
             bounds = self._certificate(state)
         return bounds
 
     def _is_new(self, question: str) -> bool:
+        """True if the question has not been asked yet; it has been from now on."""
         is_new = question not in self.asked
         self.asked.add(question)
         return is_new
@@ -296,25 +321,28 @@ class ConvexSearch:
         with self.run.clock.phase("certify"):
             return (certifier or self.certifier).of(state)
 
-    def dead_load_falls(self) -> bool:
+    def dead_load_is_unstable(self) -> bool:
+        """True if the dead load cannot stand alone; its mechanism is in the run then. Solvers are
+        asked only where projections find no forces that carry it, and once."""
         with self.run.clock.phase("certify"):
             stands = self.certifier.witnesses.easy_dead_state is not None
-        return not stands and self._is_new("dead load") and self._falls(*self._dead_load_alone())
+        if stands or not self._is_new("dead load"):
+            return False
+        return self._record_fall(*self._dead_load_alone())
 
-    def _falls(self, rates: FloatArray | None, resistance: float) -> bool:
+    def _record_fall(self, rates: FloatArray | None, resistance: float) -> bool:
+        """Leaves a mechanism of the dead load, rates (free blocks, 6), in the run, with a remark
+        that says what falls; False if there is none."""
         if rates is None:
             return False
-        scene, run = self.run.scene, self.run
-        sentence = fallen(scene, rates)
-        most = resistance / max(float(np.abs(scene.dead_forces[:, :3]).sum()), 1e-300)
-        if most < _N.no_force:
-            sentence += f" (contact forces beyond {most:.1g} times the dead load could hold it)"
-        run.best, run.remarks = replace(run.best, forces=None, mechanism=rates), [sentence]
+        run = self.run
+        run.best = replace(run.best, forces=None, mechanism=rates)
+        run.remarks = [fallen(run.scene, rates, resistance)]
         return True
 
-    def _late_fall(self) -> tuple[FloatArray | None, float]:
-        """A mechanism that bounds the load factor below zero: the dead load does work on it, and is
-        asked for alone if the bound needs an assumption."""
+    def _fall_below_zero(self) -> tuple[FloatArray | None, float]:
+        """As :meth:`_dead_load_alone`, after an upper bound below zero: if it is proved, the dead
+        load does work on its mechanism; if it needs an assumption, the dead load is asked for."""
         best = self.run.best
         if best.bracket.upper_is_proved and best.mechanism is not None:
             return self.certifier.opened(best.mechanism).rates, np.inf
@@ -355,7 +383,9 @@ class ConvexSearch:
         return None, np.inf
 
     def solve_opening(self) -> None:
-        """Give the certifier rates that open every contact, unless blocks wedge each other."""
+        """Give the certifier rates that open every contact, unless blocks wedge each other. They
+        are the duals of the largest self-stress: where contacts cannot press each other without a
+        load, some rates open them all."""
         run, reductions = self.run, self.reductions
         run.tell("checking that blocks do not wedge each other")
         with run.clock.phase("compile"):
@@ -379,11 +409,12 @@ class ConvexSearch:
             alone, reduction = loaded.alone(live), self.reductions.best()
             if formulation is not run.formulation:
                 reduction = Reduction.none(alone.statics, formulation)
-            # Where a load grazes, forces are inside by 1e-8, and the order of rows decides whether
-            # solvers find such: CVXPY's did on 295 of 295 scenes, the other on 293.
+            # has_rows=False below: where a load grazes, forces are inside by 1e-8, and the order of
+            # rows decides whether solvers find them: CVXPY's did on 295 of 295 scenes, ours on 293
             goal = LargestFactor(most=1.0)
             problem = LimitProblem(alone, surfaces, reduction=reduction, goal=goal)
-        for state, certificate in self._shares(problem, "live load alone", formulation, False):
+        shares = self._shares(problem, "live load alone", formulation, has_rows=False)
+        for state, certificate in shares:
             carrying = self.certifier.given(state)
             if carrying is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
@@ -400,7 +431,8 @@ class ConvexSearch:
     def _shares(
         self, problem: LimitProblem, what: str, formulation: Formulation, has_rows: bool = True
     ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
-        """Which share <= 1 of a load alone is carried, by the first solvers; its certificate."""
+        """Which share <= 1 of a load alone is carried: yields the state of each of the first
+        solvers, and what makes its certificate. ``has_rows`` is as for :meth:`LimitProblem.run`."""
         run = self.run
 
         def certificate(state: LimitState) -> Certificate:
@@ -410,7 +442,7 @@ class ConvexSearch:
 
         solvers = self.ladder
         if solvers[0].name == "BLOCKWISE" and not run.ladder and self.certifier.strength.is_cone:
-            solvers = (settings_for("BLOCKWISE", _N.loose), *solvers)
+            solvers = (settings_for("BLOCKWISE", LOOSE), *solvers)
         for settings in solvers[:SOLVERS_ASIDE]:
             state = run.solve(partial(problem.run, has_rows=has_rows), settings)
             run.note(replace(state, load_factor=None), f"{settings}, {what}")

@@ -140,9 +140,9 @@ class _ProvedAgain:
     def _state_between(self) -> tuple[FloatArray | None, float]:
         """Forces inside that carry the dead load with a part of the live load, and that part."""
         search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
-        if not search.dead_load_falls():
+        if not search.dead_load_is_unstable():
             return None, 0.0
-        found = search.held()
+        found = search.held_by_live_load()
         return found.state, found.factor
 
     def checks(self) -> Iterator[Check]:
@@ -213,7 +213,7 @@ class _ProvedAgain:
     def _bracket(self, factor: float | None, tolerance: float) -> Bracket:
         search = ConvexSearch(self.run.auxiliary_run(), self.run.model, tolerance)
         if self.reference is None:
-            search.dead_load_falls()  # which leaves forces that carry it
+            search.dead_load_is_unstable()  # which leaves forces that carry it
         elif self.reference[0] is not None:
             search.refer_to(self.reference[0], self.reference[1])
         return search.bracketed(self._state(factor, self._internal(search.certifier.strength)))

@@ -128,7 +128,7 @@ def settlement(
     run, method = Run(scene, surface, progress=progress), Convex(tolerance)
     check("settlement", run, ("cohesion",))
     search = ConvexSearch(run, "full")
-    falls = search.dead_load_falls()
+    falls = search.dead_load_is_unstable()
     state = None if falls else search.certifier.witnesses.dead_state
     kind = "reaction" if any(motions[0].direction) else "moment"
     quantity = f"{which} {kind} of {', '.join(name for each in motions for name in each.supports)}"

@@ -16,6 +16,7 @@ from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statement import Stated
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, LowerEnd
 from cvxlimit.solution.bracket import REFERENCE, Bracket, rounded
 from cvxlimit.surfaces.base import YieldSurface, times
@@ -23,6 +24,11 @@ from cvxlimit.surfaces.base import YieldSurface, times
 SOLVERS_ASIDE = 2
 """Of the ladder, for questions beside the load factor: forces inside, and a mechanism that is exact
 enough, are all that is asked for, and the first may fail where friction is huge."""
+
+
+NO_FORCE = 1e8
+"""Contact forces, over the dead load, beyond which it is rounding alone that could hold a block:
+solvers leave missing openings of 1e-12 to 1e-10 of the rates in exact mechanisms."""
 
 
 def largest_share(stated: Stated) -> Any:
@@ -111,6 +117,21 @@ def _resistance(run: Run, certifier: Certifier, mechanism: FloatArray) -> float:
     acting = float(np.abs(statics.dead).sum())
     resistance = power / opened.missing if opened.missing > 0.0 else np.inf
     return resistance if resistance > REFERENCE * acting else 0.0
+
+
+def fallen(scene: Scene, rates: FloatArray, resistance: float = np.inf) -> str:
+    """What happens to the free block on which the dead load does the most work, at rates (n, 6).
+    Contact forces beyond ``resistance`` could hold it all the same; if they are of any size that
+    could be meant, the sentence says so."""
+    row = int((rates * scene.dead_forces).sum(axis=1).argmax())
+    block, velocity = scene.blocks[scene.free[row]].id, rates[row, :3]
+    gravity = np.array(scene.dead.gravity or (0.0, 0.0, 0.0))
+    rises = float(velocity @ gravity) < -0.5 * float(np.linalg.norm(velocity))
+    sentence = f"block {block!r} is lifted" if rises else f"block {block!r} falls"
+    most = resistance / max(float(np.abs(scene.dead_forces[:, :3]).sum()), 1e-300)
+    if most < NO_FORCE:
+        sentence += f" (contact forces beyond {most:.1g} times the dead load could hold it)"
+    return sentence
 
 
 def refuse_an_interval(factor: float) -> None:
