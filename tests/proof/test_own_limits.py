@@ -137,6 +137,29 @@ def assert_no_perturbation_refutes(
         assert lower - ROUNDING * size <= exact <= upper + ROUNDING * size
 
 
+def test_no_mixture_breaks_a_limit_that_only_the_reserve_breaks() -> None:
+    """Forces outside strength that keep a limit, and a reserve inside strength that breaks it."""
+    scene = builtin_scene("tuff-wall")
+    problem = LimitProblem(scene)
+    problem.add("low", problem.factor <= 0.05)
+    limits = problem.linear_limits()
+    assert not isinstance(limits, str)
+    proof = OwnCertifier(Certifier(problem.at_present(), problem.surfaces), limits)
+    inner = LimitProblem(scene).inside()
+    inner.add("high", inner.factor == 0.2)
+    reserve = inner.run()
+    assert reserve.forces is not None
+    assert reserve.load_factor is not None
+    noise = np.random.default_rng(0).normal(size=reserve.forces.shape)
+    outside = 0.05 * np.abs(reserve.forces).max() * noise
+    assert proof.lower(outside, 0.0499, reserve.forces, reserve.load_factor) <= 0.05
+    within = LimitProblem(scene).inside()
+    within.add("lower", within.factor == 0.01)
+    inside = within.run()
+    assert inside.forces is not None
+    assert 0.01 - 1e-6 <= proof.lower(outside, 0.0499, inside.forces, 0.01) <= 0.05
+
+
 @pytest.mark.parametrize("seed", mostly_slow(range(100), range(4)))
 def test_aims(seed: int) -> None:
     """The largest of some sum of forces under a part of the collapse load."""

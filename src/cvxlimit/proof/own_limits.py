@@ -1,23 +1,34 @@
 """Brackets of problems with a user's own linear limits and own linear aim.
 
-Letters of the formulas below:
-
-- ``x``: contact forces (n, 6) in the columns V1 V2 N M1 M2 MT, ``alpha``: the load factor;
-- a x + g alpha <= b, or =: the limits, in ``limits.matrix``, ``limits.factor``, ``limits.right``;
-- lambda, ``lam``: multipliers (k,) of the limits, not negative but for equations;
-- c x + k alpha: the aim, which is maximised, in ``of_forces`` and ``of_factor``;
-- ``u``: block rates (free blocks, 6), R: the dissipation of relative rates under the flow rule;
-- A x + f_D + alpha f_L = 0: equilibrium, in ``statics.matrix``, ``statics.dead``, ``statics.live``.
+=================  ==========================================  ==========  ========================
+letter             what it is                                  shape       in the code
+=================  ==========================================  ==========  ========================
+x                  contact forces, V1 V2 N M1 M2 MT            (n, 6)      ``x``, ``forces``
+alpha              load factor                                 number      ``alpha``, ``factor``
+a, g, b            limits a x + g alpha <= b, or = b           (m, ...)    ``limits.matrix``,
+                                                                           ``.factor``, ``.right``
+lambda             multipliers of the limits, >= 0 but for     (m,)        ``lam``
+                   those of equations
+c, k               aim c x + k alpha, which is maximised       (6 n,), 1   ``of_forces``,
+                                                                           ``of_factor``
+u                  rates of the free blocks                    (free, 6)   ``u``
+R                  dissipation of relative rates under the     number      ``dissipation``
+                   flow rule
+A, f_D, f_L        equilibrium A x + f_D + alpha f_L = 0                   ``statics.matrix``,
+                                                                           ``.dead``, ``.live``
+=================  ==========================================  ==========  ========================
 
 *From above.* For any u and lambda every state within strength and limits has
 
-    c x + k alpha  <=  R(A' u + a' lambda - c) - f_D u + lambda b    if  k = f_L u + lambda g,
+    c x + k alpha  <=  R(A' u + a' lambda - c) - f_D u + lambda b    if  k = f_L u + lambda g.
 
-since equilibrium does no work on u and the forces do at least -R. With c = 0 and k = 1 that bounds
-the load factor. If an equation gives the load factor, it bounds any sum of forces under that load.
+For forces do at least -R on the rates in brackets; there equilibrium gives (A' u) x =
+-f_D u - alpha f_L u, and the limits give lambda (a x) <= lambda (b - g alpha). With c = 0 and k = 1
+that bounds the load factor. If an equation gives the load factor, it bounds any sum of forces under
+that load.
 
-*From below.* Forces in exact equilibrium that exceed strength or limits are mixed with a state that
-is strictly inside both.
+*From below.* Forces in exact equilibrium that exceed strength or limits are mixed with a reserve: a
+state that is strictly inside where they exceed.
 """
 
 from __future__ import annotations
@@ -52,7 +63,7 @@ class OwnCertifier:
         is_equation = limits.is_equation & ~on_forces & (limits.factor != 0.0)
         self._factor_equations = np.flatnonzero(is_equation)  # of the load factor alone
         self._has_other_equations = bool((limits.is_equation & on_forces).any())
-        self._matrix_sizes = abs(limits.matrix)
+        self._abs_matrix = abs(limits.matrix)
 
     @property
     def load_factor(self) -> float | None:
@@ -63,48 +74,55 @@ class OwnCertifier:
         return float(self.limits.right[j] / self.limits.factor[j])
 
     def excess(self, x: FloatArray, alpha: float) -> FloatArray:
-        """Returns by how much forces (n, 6) at alpha exceed each limit (k,), rounded up; zero for
+        """Returns by how much forces (n, 6) at alpha exceed each limit (m,), rounded up; zero for
         the equation that gives the load factor, which holds exactly."""
         limits, flat = self.limits, x.ravel()
-        size = self._matrix_sizes @ np.abs(flat) + np.abs(limits.factor * alpha)
-        size += np.abs(limits.right)
-        excess = limits.matrix @ flat + limits.factor * alpha - limits.right + EPSILON * size
+        magnitude = self._abs_matrix @ np.abs(flat) + np.abs(limits.factor * alpha)
+        magnitude += np.abs(limits.right)
+        excess = limits.matrix @ flat + limits.factor * alpha - limits.right + EPSILON * magnitude
         excess[self._factor_equations[:1]] = 0.0
         return np.asarray(excess)
 
     def upper(self, mechanism: FloatArray, multipliers: FloatArray) -> float:
-        """Returns the upper bound on the aim that rates (free blocks, 6) and multipliers (k,)
+        """Returns the upper bound on the aim that rates (free blocks, 6) and multipliers (m,)
         prove; infinite if they prove none."""
         u, limits = np.reshape(mechanism, (-1, DOF)), self.limits
         lam = np.where(limits.is_equation, multipliers, np.maximum(multipliers, 0.0))
         if not (np.isfinite(u).all() and np.isfinite(lam).all()):
             return np.inf
-        if not self.has_aim:
+        if not self.has_aim:  # c = 0: with everything divided by it, f_L u + lambda g becomes k = 1
             power = float(self.statics.live @ u.ravel() + limits.factor @ lam)
             if not power > 0.0:
                 return np.inf
             u, lam = u / power, lam / power
         rates = (limits.matrix.T @ lam - self.of_forces).reshape(-1, DOF)
-        sizes = (self._matrix_sizes.T @ np.abs(lam) + np.abs(self.of_forces)).reshape(-1, DOF)
+        sizes = (self._abs_matrix.T @ np.abs(lam) + np.abs(self.of_forces)).reshape(-1, DOF)
         opened = self.certifier.opened(u, (rates, sizes))
         return self._bound(opened.rates, lam, opened.dissipation) if opened.is_allowed else np.inf
 
-    def _bound(self, u: FloatArray, lam: FloatArray, dissipation: float) -> float:
-        """Returns the upper bound from rates, multipliers and their dissipation.
+    def _bound(self, opened_u: FloatArray, lam: FloatArray, dissipation: float) -> float:
+        """Returns the upper bound from rates that the flow rule allows with the multipliers, and
+        their dissipation; infinite where the condition k = f_L u + lambda g cannot be satisfied.
 
-        The condition k = f_L u + lambda g is satisfied by the multiplier of the equation that gives
-        the load factor, or else, without an aim, by dividing everything by f_L u + lambda g.
+        Where an equation gives the load factor, its multiplier satisfies the condition. Else,
+        without an aim, dividing everything by f_L u + lambda g does; that would change the given c
+        of an aim as well, so an aim under a free load factor has no bound.
         """
-        limits, flat = self.limits, u.ravel()
-        weight = float(self.statics.live @ flat + limits.factor @ lam)
-        size = float(np.abs(self.statics.live) @ np.abs(flat) + np.abs(limits.factor * lam).sum())
-        rounding = EPSILON * size
+        limits, flat = self.limits, opened_u.ravel()
+        weight = float(self.statics.live @ flat + limits.factor @ lam)  # f_L u + lambda g
+        magnitude = float(
+            np.abs(self.statics.live) @ np.abs(flat) + np.abs(limits.factor * lam).sum()
+        )
+        rounding = EPSILON * magnitude
         if len(self._factor_equations):
+            # Row j has no forces, so a' lambda and with it the dissipation do not change; only
+            # lambda b does. An equation holds with a multiplier of any sign.
             j, lam = self._factor_equations[0], lam.copy()
             lam[j] += (self.of_factor - weight) / limits.factor[j]
             rounding *= abs(float(limits.right[j] / limits.factor[j]))
         elif self.has_aim or not weight > 2.0 * rounding:
             return np.inf
+        # R - f_D u + lambda b, and how much of it rounding may have lost.
         terms = np.array([dissipation, -float(self.statics.dead @ flat), float(limits.right @ lam)])
         lost = float(np.abs(self.statics.dead) @ np.abs(flat) + np.abs(limits.right * lam).sum())
         bound, lost = float(terms.sum()), EPSILON * (lost + abs(dissipation))
@@ -120,8 +138,9 @@ class OwnCertifier:
         """Returns the lower bound on the aim from a state x at alpha, mixed with the state
         ``reserve`` at load factor ``reserve_factor`` as far as x exceeds strength or limits.
 
-        It is -inf if the reserve is not strictly inside wherever x is outside. What rounding in
-        equilibrium may carry, measured by the mechanism if there is one, is taken off.
+        It is -inf if the reserve is not strictly inside wherever x is outside, or if the mixture is
+        outside where the reserve is. What rounding in equilibrium
+        may carry, measured by the mechanism if there is one, is taken off.
         """
         mixed = self._mixed(x, alpha, reserve, reserve_factor)
         if mixed is None:
@@ -136,9 +155,10 @@ class OwnCertifier:
     ) -> tuple[FloatArray, float] | None:
         """Returns contact forces (n, 6) and load factor of the mixture of two states with the least
         share of the reserve that is within strength and limits; None if there is none."""
-        certifier, strength = self.certifier, self.strength
         if self._has_other_equations or len(self._factor_equations) > 1:
             return None
+        # Both states in equilibrium with their loads, at the load factor of an equation if any.
+        certifier, strength = self.certifier, self.strength
         if self.load_factor is not None:
             alpha = reserve_factor = self.load_factor
         x, reserve = (
@@ -148,33 +168,46 @@ class OwnCertifier:
         is_balanced = certifier.is_balanced
         if not (is_balanced(x, alpha) and is_balanced(reserve, reserve_factor)):
             return None
+        # Excess is convex: at share s of the reserve it is at most (1 - s) y + s y_reserve. Where x
+        # is outside, that is not positive from s = y / (y - y_reserve) on; where the reserve is
+        # outside, which may break limits that x keeps, it is not positive up to that s.
         forces, reserve_forces = strength.forces(x), strength.forces(reserve)
         by_strength = zip(strength.excess(x), strength.excess(reserve), strict=True)
         by_limits = self.excess(forces, alpha), self.excess(reserve_forces, reserve_factor)
-        share = 0.0
-        for excess, reserve_excess in [*by_strength, by_limits]:
-            over = excess > 0.0
-            y, y_reserve = excess[over], reserve_excess[over]
-            if (y_reserve >= 0.0).any():
+        share, most = 0.0, 1.0
+        for y, y_reserve in [*by_strength, by_limits]:
+            is_over = y > 0.0
+            if (y_reserve[is_over] >= 0.0).any():
                 return None
-            share = max(share, float((y / (y - y_reserve)).max(initial=0.0)))
+            crosses = is_over | (y_reserve > 0.0)
+            crossing = y[crosses] / (y - y_reserve)[crosses]
+            share = max(share, float(crossing[is_over[crosses]].max(initial=0.0)))
+            most = min(most, float(crossing[~is_over[crosses]].min(initial=1.0)))
+        if share > most:
+            return None
         factor = alpha + share * (reserve_factor - alpha)
         return forces + share * (reserve_forces - forces), factor
 
     def _hidden(
         self, x: FloatArray, alpha: float, u: FloatArray | None, lam: FloatArray | None
     ) -> float:
-        """Returns how much of the aim residuals that count as rounding may carry: their power in
-        the mechanism u, over that of the load factor where there is no aim."""
+        """Returns how much of the aim residuals that count as rounding may carry.
+
+        `is_balanced` accepts residuals up to rounding. Times the rates of the mechanism u they are
+        the aim that they could have produced, over f_L u + lambda g where there is no aim.
+        """
         if u is None or lam is None:
             return 0.0
-        u, size = np.reshape(u, (-1, DOF)), self.certifier.size
+        u, length = (
+            np.reshape(u, (-1, DOF)),
+            self.certifier.size,
+        )  # moments over a length are forces
         power = 1.0
         if not self.has_aim:
             power = float(self.statics.live @ u.ravel() + self.limits.factor @ lam)
-        residual = block_sizes(self.statics.residual(x, alpha), size)
-        residual += EPSILON * self.statics.acting(x, alpha, size)
-        hidden = float(residual @ block_sizes(u, 1.0 / size))
+        residual = block_sizes(self.statics.residual(x, alpha), length)
+        residual += EPSILON * self.statics.acting(x, alpha, length)
+        hidden = float(residual @ block_sizes(u, 1.0 / length))
         return hidden / power if power > 0.0 else 0.0
 
     def bracket(
@@ -182,7 +215,7 @@ class OwnCertifier:
         mechanism: FloatArray | None, multipliers: FloatArray | None,
     ) -> Bracket:  # fmt: skip
         """Returns both bounds on the aim; a side is infinite where something it needs is None.
-        ``reserve`` is a state strictly inside, and its load factor."""
+        ``reserve`` is a state, and its load factor: strictly inside where x is outside."""
         lower, upper = -np.inf, np.inf
         if mechanism is not None and multipliers is not None:
             upper = self.upper(mechanism, multipliers)
