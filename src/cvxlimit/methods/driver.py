@@ -82,6 +82,11 @@ class Run:
         Of the scene, computed once.
     given : Scene
         The scene as it was given; mortar may have become loads in :attr:`scene`.
+    contacts : Contacts
+        Those of the scene as it was given.
+    mortar : Mortar or None
+        What makes forces of the scene as it was given from those of :attr:`scene`; None without
+        tensile strength.
     repeats : Repeats or None
         What the run shares with others of the same geometry.
     surfaces : tuple of YieldSurface, surface : str
@@ -175,7 +180,8 @@ class Run:
         return self.surfaces[-1].cone
 
     def solve(self, solver: Solver, settings: SolverSettings) -> LimitState:
-        """One run of one solver, on the clock.
+        """One run of one solver, on the clock: what the solver does not report as time of its own
+        counts as compiling.
 
         Raises
         ------
@@ -238,7 +244,7 @@ class Run:
 
     @property
     def failure(self) -> str:
-        """How solvers ended since one of them last had an answer."""
+        """How solvers ended since one of them last had an answer, in words."""
         ended: dict[str, str] = {}
         for settings, outcome in self.attempts:
             ended = {} if outcome.has_values else ended | {str(settings): outcome.status}
@@ -255,7 +261,7 @@ class Run:
         return load_factor is not None and abs(load_factor) > BOUNDLESS * self.scaling.ratio
 
     def by_block(self, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:
-        """Rates (6,) of the free blocks, by id."""
+        """Rates (6,) of the free blocks by id, of a mechanism (free blocks, 6)."""
         if mechanism is None:
             return None
         scene = self.scene
@@ -263,7 +269,8 @@ class Run:
         return dict(zip(ids, np.reshape(mechanism, (-1, DOF)), strict=True))
 
     def auxiliary_run(self, assemblage: Assemblage | None = None) -> Run:
-        """A run for an auxiliary question: the same clock, a record of its own."""
+        """A run for a question aside: history, answer and remarks of its own; clock, solvers and
+        attempts are this run's, since they count for the whole analysis."""
         result = copy(self)
         result.assemblage, result.history = assemblage or self.assemblage, []
         result.best, result.remarks = Answer(bracket=Bracket(least=result.scaling.least)), []
@@ -351,7 +358,8 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     # Forces of the scene as it was given: mortar's tension may have become a load in the other.
     if run.mortar is not None:
         best = best.with_forces(run.mortar.original)
-    # How it ended: bounds overrule what the method says, and so do solvers that all failed.
+    # How it ended: bounds overrule what the method says, and so do solvers that all failed. One has
+    # said something if it returned values or claims that there is no optimum.
     is_empty = best.load_factor is None and not best.bracket.has_any
     has_said = any(end.has_values or end.claims_no_optimum for _, end in run.attempts)
     if best.bracket.contradicts:

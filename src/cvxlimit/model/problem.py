@@ -128,6 +128,7 @@ class LimitProblem(Changeable):
 
     @cached_property
     def _in_rows(self) -> tuple[Stated, Written]:
+        """The statement in rows, with limits and aim of one's own, and what was written."""
         into = Rows()
         stated, goal = self.stated(into)
         if self._own is not None:
@@ -204,7 +205,8 @@ class LimitProblem(Changeable):
 
     @cached_property
     def _shared(self) -> ConeProgram | None:
-        """The rows that scenes like this one share, under this one's loads."""
+        """The rows that scenes like this one share, under this one's loads; None where they do not
+        fit: with Parameters, reductions, limits of one's own, or another goal."""
         if self.repeats is None or self.given.is_symbolic:
             return None
         about = strength_key(self.surfaces, self.model.contacts)
@@ -300,12 +302,14 @@ class LimitProblem(Changeable):
         has_rows = has_rows and (self._own is None or self._own.has_rows)
         if not settings.row.takes_matrices or not has_rows:
             return self._run_by_cvxpy(settings)
+        # the rows at the present values, and what solves of the same structure keep
         values, program, kept = None, self._shared, self._kept
         if program is None:
             values = self._in_rows[1].theta.values()
             program = self._in_rows[1].at(values)
         if self.repeats is not None:
             kept = self.repeats.structure(program)
+        # it starts from the last solve if a Parameter has changed since
         before, self._values_before = self._values_before, values
         is_warm = before is not None and values is not None and bool((before != values).any())
         outcome, x, y = program.solve(settings, kept, is_warm, all_duals=self._own is not None)
@@ -315,6 +319,7 @@ class LimitProblem(Changeable):
                 variable.value = form.values(x).reshape(variable.shape)
         multipliers = None
         if self._own is not None and x is not None and y is not None:
+            # duals of limits of one's own, per unit of the load factor or of the aim
             duals = y[self._own.places(program)]
             self._own.tell(x, duals)
             gain = 1.0 if self._aim is not None else self.scaling.load_factor(1.0)
@@ -350,6 +355,7 @@ class LimitProblem(Changeable):
         self, outcome: Outcome, internal: FloatArray, factor: float, duals: FloatArray | None,
         own: dict[str, FloatArray],
     ) -> LimitState:  # fmt: skip
+        """A solution in the solver's units, of the model it saw, in the user's, of the scene."""
         reduction = self.reduction
         internal = self.scaling.force * self._unit * internal
         forces = self.model.forces(internal)
@@ -383,6 +389,9 @@ class LimitProblem(Changeable):
         result = LimitProblem(alone, self.surfaces, reduction=self.reduction, goal=goal)
         if alone.scaling.force != scaling.force:
             return result
+        # Cached properties are filled, so that nothing is stated again. The dead load takes the
+        # live one's place, and one row is new, behind those that are not negative: 1 - share, of
+        # the last unknown.
         result.__dict__["equilibrium"] = self.equilibrium
         dead = self.equilibrium.of_load(self.loads[0])
         before = self.program.under(np.zeros_like(dead), dead)
