@@ -125,6 +125,7 @@ def surface_option(default: str | None = "conic") -> Any:
 
 
 def model_option() -> Any:
+    """Of commands that solve."""
     return option("NAME", "Size of the model, as for solve: auto (default), full or least.", "auto")
 
 

@@ -58,6 +58,7 @@ def plain(
     schema: JsonObject,
     write: Callable[[Any, str], Any] | None = None,
 ) -> Form:
+    """The form of a value that is checked by itself; it is written by the same check if None."""
     back = write or read
     return Form(lambda x, where, _: read(x, where), lambda x, where, _: back(x, where), schema)
 
@@ -68,6 +69,7 @@ WHOLE = plain(whole, {"type": "integer", "minimum": 0}, lambda value, _: int(val
 
 
 def row(names: Collection[str], largest: float = LARGEST_NUMBER) -> Form:
+    """As many numbers as there are names, of at most ``largest`` in magnitude."""
     size = {"minItems": len(names), "maxItems": len(names)}
     return plain(
         lambda value, where: numbers(value, names, where, largest),
@@ -77,6 +79,7 @@ def row(names: Collection[str], largest: float = LARGEST_NUMBER) -> Form:
 
 
 def choice(words: Iterable[str]) -> Form:
+    """One of some words, also of an enumeration of texts; what is read is a plain text."""
     kind = {str(word): word for word in words}
 
     def read(value: object, where: str) -> str:
@@ -92,6 +95,7 @@ def choice(words: Iterable[str]) -> Form:
 
 
 def _truth(value: Any, where: str) -> bool:
+    """True for "yes", False for "no"."""
     return choice(("yes", "no")).read(value, where, "") == "yes"
 
 
@@ -118,6 +122,11 @@ def listed(
     made: Callable[[list[Any]], Any] = tuple,
     prefix: str = "",
 ) -> Form:
+    """A list of equal items; ``made`` makes of it what Python is given.
+
+    Refusals call an item ``name``, with i, where and owner put in; ``prefix`` leads what ``made``
+    says.
+    """
 
     def each(step: Step, value: Iterable[Any], where: str, owner: str) -> list[Any]:
         return [
@@ -134,6 +143,7 @@ def listed(
 
 
 def keyed(item: Form, name: str) -> Form:
+    """An object of equal items by keys that the user chose, as of blocks by their ids."""
 
     def each(step: Step, value: object, where: str, owner: str) -> JsonObject:
         return {
@@ -212,6 +222,7 @@ def record(
 
 
 def _defaults(kind: type) -> dict[str, Any]:
+    """Default of each field of a dataclass that has one."""
     result = {}
     for each in dataclasses.fields(kind):
         if each.default_factory is not MISSING:

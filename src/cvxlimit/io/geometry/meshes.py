@@ -33,6 +33,8 @@ _MADE_UP = re.compile(r"geometry_\d+")
 
 
 def read_mesh(path: Path) -> list[Body]:
+    """The meshes of an STL, PLY, GLB or glTF file, each moved to its place; not yet separated into
+    bodies, which one mesh may hold several of."""
     what = f"{path.suffix} files (.obj, .json and .csv work without)"
     trimesh = needed("trimesh", "mesh", what)
     # It logs tracebacks of what it gets over, which would go to stderr where nobody listens.
@@ -51,6 +53,8 @@ def read_mesh(path: Path) -> list[Body]:
 
 
 def _instances(scene: Any) -> Iterator[tuple[str, Any]]:
+    """Name, and vertices with triangles, of each node of the scene that shows a mesh, in the
+    order of names, in which numbers count as such."""
     for node in sorted(scene.graph.nodes_geometry, key=lambda node: natural(str(node))):
         turn, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
@@ -60,11 +64,13 @@ def _instances(scene: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _body(name: str, mesh: tuple[Any, Any]) -> Body:
+    """The mesh with corners that triangles share stored once; names made up by trimesh are none."""
     vertices, faces = merged(np.asarray(mesh[0], dtype=float), np.asarray(mesh[1], dtype=np.int64))
     return Body("" if _MADE_UP.fullmatch(name) else name, vertices, faces.tolist())
 
 
 def _check_stl(data: bytes) -> None:
+    """Refuse an STL that is cut off: trimesh would read what is left as if it were whole."""
     if data[:5].lower() == b"solid" and b"facet" in data[:2000]:
         if b"\0" in data:
             raise InputError("the file begins as text STL and goes on with binary; export it again")
@@ -82,6 +88,8 @@ def _check_stl(data: bytes) -> None:
 
 
 def _check_gltf(data: bytes, kind: str) -> None:
+    """Refuse more elements than the buffers have bytes, and nodes that do not form a tree, before
+    trimesh acts on either."""
     document = parsed(_gltf_text(data) if kind == "glb" else data)
     if not isinstance(document, dict):
         raise InputError("a glTF file must be a JSON object {...}")
@@ -109,6 +117,7 @@ def _check_gltf(data: bytes, kind: str) -> None:
 
 
 def _gltf_text(data: bytes) -> bytes:
+    """The JSON in a GLB, which is its first part by the format."""
     header = 20  # bytes before the text that says what is in it
     if len(data) < header or data[:4] != b"glTF":
         raise InputError("the file does not begin like a GLB")
@@ -119,6 +128,7 @@ def _gltf_text(data: bytes) -> bytes:
 
 
 def _list(document: Mapping[str, Any], key: str) -> list[Any]:
+    """The list under a key of the document, empty where there is none."""
     value = document.get(key, [])
     if not isinstance(value, list):
         raise InputError(f"{key!r} of the glTF must be a list [...], got {shown(value)}")

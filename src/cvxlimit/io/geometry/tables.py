@@ -21,6 +21,8 @@ OPTIONAL = ("density", "support")
 
 
 def read_table(text: str) -> list[Body]:
+    """The boxes of a table, whose first row names the columns; cells are parted by what is found
+    in that row: commas, semicolons or tabs."""
     try:
         dialect: type[csv.Dialect] = csv.Sniffer().sniff(text.split("\n", 1)[0], ",;\t")
     except csv.Error:
@@ -72,6 +74,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
 def _check_columns(names: list[str]) -> None:
+    """Refuse missing, unknown and repeated columns: an unknown one may be meant for a known one."""
     known = ("id", *CORNERS, *OPTIONAL)
     missing = [name for name in ("id", *CORNERS) if name not in names]
     if missing:
@@ -90,6 +93,7 @@ def _check_columns(names: list[str]) -> None:
 
 
 def _is_row(row: list[str], names: list[str], line: int, delimiter: str) -> bool:
+    """False for an empty line; refused if it has more or fewer cells than there are columns."""
     if not any(cell.strip() for cell in row):
         return False
     if len(row) != len(names):
@@ -100,6 +104,8 @@ def _is_row(row: list[str], names: list[str], line: int, delimiter: str) -> bool
 
 
 def _box(cells: dict[str, str], line: int) -> Body:
+    """The block in a row; support mark and density are None if the table has no such column, or no
+    density in this row."""
     name = cells["id"]
     if not name:
         raise InputError(f"line {line} has no id; give every block a name")
@@ -117,6 +123,7 @@ def _box(cells: dict[str, str], line: int) -> Body:
 
 
 def _number(cell: str, where: str) -> float:
+    """A cell as a number; that coordinates are finite is checked later, as of any format."""
     try:
         return float(cell)
     except ValueError as error:

@@ -120,6 +120,7 @@ def _with_forces(
 
 
 def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Thrust lines that are drawn: ends (k, 2, 3), and the compressions (k,) they carry."""
     return _thrust(scene, found)[:2]
 
 
@@ -131,6 +132,10 @@ def thrust_of_blocks(scene: Scene, found: FloatArray) -> tuple[FloatArray, Float
 
 
 def _thrust(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Ends (k, 2, 3), compression (k,) and block (k,) of each line, without the faintest.
+
+    ``found`` are the forces (n, 6) of the contacts, the third of which is the compression.
+    """
     contacts = scene.contacts
     _, place = pressure_centres(contacts, found)
     normal = found[:, 2]
@@ -160,10 +165,13 @@ def _thrust(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray, In
 
 
 def _faintest(scene: Scene) -> float:
+    """Share of the largest compression below which a thrust line is not drawn."""
     return FAINTEST if _is_planar(scene) else THREADS
 
 
 def _is_planar(scene: Scene) -> bool:
+    """True if joints lie across one plane, within which the live load acts: such a structure is
+    seen straight from the front."""
     thin = thin_axis(scene)
     across = np.abs(scene.contacts.axes[:, 2] @ thin).max(initial=0.0)
     push = np.abs(scene.live_forces[:, :3] @ thin).max(initial=0.0)
