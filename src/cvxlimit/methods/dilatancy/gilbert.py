@@ -84,7 +84,7 @@ class Gilbert(Method):
         search = standing(run, run.model)
         if search is None:
             return Status.DEAD_LOAD_UNSTABLE
-        # The associated problem, and the scheme's with friction held and cones turned by eta.
+        # The associated problem, and the scheme's with friction held and cones rotated by eta.
         with run.clock.phase("compile"):
             reduced = Reduced(run, search)
             held = cp.Parameter(len(reduced.kept))
@@ -106,7 +106,7 @@ class Gilbert(Method):
             run.remarks = [self._remark(run, change, excess)]
             if number > 1 and change is not None and change <= self.tolerance:
                 return Status.CONVERGED if excess <= self.excess else Status.NOT_CONVERGED
-            # The next cones are turned about a mean of the last normal forces and those before.
+            # The next cones are rotated about a mean of the last normal forces and those before.
             normal = state.forces[:, COLUMN["N"]]
             pressed = normal if pressed is None else pressed + self.weight * (normal - pressed)
             held.value = ((1.0 + self.eta) * pressed + fictitious)[reduced.kept]

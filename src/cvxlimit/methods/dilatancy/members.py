@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.methods.dilatancy.tresca import Slip
+from cvxlimit.methods.dilatancy.tresca import HeldFlow
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.proof.certificate import Certifier
@@ -25,7 +25,7 @@ class Verifier:
     """
 
     def __init__(
-        self, run: Run, certifier: Certifier | None = None, slip: Slip | None = None
+        self, run: Run, certifier: Certifier | None = None, slip: HeldFlow | None = None
     ) -> None:
         self.statics, self.contacts = run.assemblage.statics, run.assemblage.contacts
         self.least = run.scaling.least
@@ -34,7 +34,7 @@ class Verifier:
         self.strength = self.certifier.strength
         # A flow rule of resultants does not know the cells that internal forces act on.
         if slip is None or self.strength.is_internal:
-            slip = Slip(surfaces, self.strength.model)
+            slip = HeldFlow(surfaces, self.strength.model)
         self.slip = slip
 
     def member(self, state: LimitState, start: str, iterations: int) -> Member | None:
@@ -56,7 +56,7 @@ class Verifier:
         rates = self.statics.relative_rates(mechanism)
         # Complementarity: at each contact the power of the forces (negative where they resist) and
         # the power that friction, cohesion and strength take up cancel out.
-        shortfall = self.slip.of(rates)
+        shortfall = self.slip.shortfall(rates)
         taken = self.slip.dilatancy(shortfall) * forces[:, COLUMN["N"]] + shortfall.by_contact
         lost = float(np.abs((forces * rates).sum(axis=1) + taken).sum())
         # Flow: rates that no condition resists, or missing openings, over the largest rate.

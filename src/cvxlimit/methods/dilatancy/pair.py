@@ -36,7 +36,7 @@ import scipy.sparse as sp
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex_search import ConvexSearch
-from cvxlimit.methods.dilatancy.tresca import HeldFormulation, Slip, tresca
+from cvxlimit.methods.dilatancy.tresca import HeldFlow, HeldFormulation, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LimitProblem
@@ -105,13 +105,13 @@ class Reduced:
         """Returns the problem with friction as it is."""
         return LimitProblem(self.assemblage, self.surfaces, reduction=self.reduction, goal=goal)
 
-    def held(self, pressed: cp.Parameter, turned: float = 0.0) -> LimitProblem:
+    def held(self, pressed: cp.Parameter, tilt: float = 0.0) -> LimitProblem:
         """Returns the problem with friction held at compressions (k,) of the kept contacts;
-        ``turned`` as in :func:`~.tresca.held`."""
+        ``tilt`` as in :func:`~.tresca.held`."""
         reduction, own = self.reduction, self.reduction.formulation
         if own is not corner_compressions:
-            reduction = replace(reduction, formulation=HeldFormulation(own, pressed, turned))
-        surfaces = tresca(self.surfaces, pressed, turned)
+            reduction = replace(reduction, formulation=HeldFormulation(own, pressed, tilt))
+        surfaces = tresca(self.surfaces, pressed, tilt)
         return LimitProblem(self.assemblage, surfaces, reduction=reduction)
 
 
@@ -122,7 +122,7 @@ class Pair:
     ----------
     solved : int
         How many problems were solved.
-    slip : Slip
+    slip : HeldFlow
         The flow rule of resultants with friction held.
     has_cones : bool
         Whether friction, or anything else on the smallest model, is no linear limit.
@@ -135,7 +135,7 @@ class Pair:
         with run.clock.phase("compile"):
             reduced = Reduced(run, search, is_symmetric)
             self._kept, self._lift = reduced.kept, reduced.lift
-            self.slip = Slip(reduced.surfaces, run.assemblage.contacts)
+            self.slip = HeldFlow(reduced.surfaces, run.assemblage.contacts)
             self._price, self._pressed = (cp.Parameter(len(self._kept)) for _ in range(2))
             self._priced = reduced.problem(Priced(self._price))
             self._held = reduced.held(self._pressed)
@@ -167,7 +167,7 @@ class Pair:
         it at live power 1."""
         statics = self.run.assemblage.statics
         unit = mechanism / float(statics.live @ mechanism.ravel())
-        return self.slip.dilatancy(self.slip.of(statics.relative_rates(unit)))
+        return self.slip.dilatancy(self.slip.shortfall(statics.relative_rates(unit)))
 
 
 def ladder(tolerance: float) -> Sequence[SolverSettings]:
