@@ -103,12 +103,16 @@ class OneProblem(Convex):
 
 def _inside(run: Run, problem: LimitProblem) -> Iterator[LimitState]:
     """States that may be strictly inside the limits: that of the solve before, which costs nothing
-    and often still is where Parameters have changed little, and an answer without an aim."""
+    and often still is where Parameters have changed little, and an answer without an aim, of the
+    first solver that has one."""
     if problem.within is not None:
         yield problem.within
     inside = problem.inside()
-    problem.within = run.solve(inside.run, inside.ladder()[0])
-    yield problem.within
+    for settings in inside.ladder():
+        problem.within = state = run.solve(inside.run, settings)
+        if state.forces is not None or state.outcome.claims_no_optimum:
+            break
+    yield state
 
 
 _NO_PROOF = "no state strictly inside them was found, or no mechanism that they allow"

@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cvxlimit.base.arrays import EPSILON, ROUNDING, FloatArray
+from cvxlimit.base.arrays import EPSILON, FloatArray
 from cvxlimit.model.limits import LinearLimits
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.certificate import Certifier
@@ -76,16 +76,12 @@ class OwnCertifier:
     def excess(self, x: FloatArray, alpha: float) -> FloatArray:
         """Returns by how much forces (n, 6) at alpha exceed each limit (m,), rounded up; zero for
         the equation that gives the load factor, which holds exactly."""
-        limits = self.limits
-        excess = limits.matrix @ x.ravel() + limits.factor * alpha - limits.right
-        excess += EPSILON * self._magnitude(x, alpha)
+        limits, flat = self.limits, x.ravel()
+        magnitude = self._abs_matrix @ np.abs(flat) + np.abs(limits.factor * alpha)
+        magnitude += np.abs(limits.right)
+        excess = limits.matrix @ flat + limits.factor * alpha - limits.right + EPSILON * magnitude
         excess[self._factor_equations[:1]] = 0.0
         return np.asarray(excess)
-
-    def _magnitude(self, x: FloatArray, alpha: float) -> FloatArray:
-        """Returns the sum of the sizes of all terms of each limit (m,)."""
-        of_load = np.abs(self.limits.factor * alpha) + np.abs(self.limits.right)
-        return np.asarray(self._abs_matrix @ np.abs(x.ravel()) + of_load)
 
     def upper(self, mechanism: FloatArray, multipliers: FloatArray) -> float:
         """Returns the upper bound on the aim that rates (free blocks, 6) and multipliers (m,)
@@ -142,9 +138,9 @@ class OwnCertifier:
         """Returns the lower bound on the aim from a state x at alpha, mixed with the state
         ``reserve`` at load factor ``reserve_factor`` as far as x exceeds strength or limits.
 
-        It is -inf if the reserve is not strictly inside wherever x is outside, or if the mixture
-        breaks a limit that the reserve breaks. What rounding in equilibrium
-        may carry, measured by the mechanism if there is one, is taken off.
+        It is -inf if the reserve is not strictly inside wherever x is outside, or if the mixture is
+        outside where the reserve is. What rounding in equilibrium may carry, measured by the
+        mechanism if there is one, is taken off.
         """
         mixed = self._mixed(x, alpha, reserve, reserve_factor)
         if mixed is None:
@@ -173,26 +169,24 @@ class OwnCertifier:
         if not (is_balanced(x, alpha) and is_balanced(reserve, reserve_factor)):
             return None
         # Excess is convex: at share s of the reserve it is at most (1 - s) y + s y_reserve. Where x
-        # is outside, that is not positive from s = y / (y - y_reserve) on.
+        # is outside, that is not positive from s = y / (y - y_reserve) on; where the reserve is
+        # outside, which may break limits that x keeps, it is not positive up to that s.
         forces, reserve_forces = strength.forces(x), strength.forces(reserve)
-        by_strength = [*zip(strength.excess(x), strength.excess(reserve), strict=True)]
+        by_strength = zip(strength.excess(x), strength.excess(reserve), strict=True)
         by_limits = self.excess(forces, alpha), self.excess(reserve_forces, reserve_factor)
-        if any((y_reserve > 0.0).any() for _, y_reserve in by_strength):
-            return None
-        share = 0.0
-        for excess, reserve_excess in [*by_strength, by_limits]:
-            is_over = excess > 0.0
-            y, y_reserve = excess[is_over], reserve_excess[is_over]
-            if (y_reserve >= 0.0).any():
+        share, most = 0.0, 1.0
+        for y, y_reserve in [*by_strength, by_limits]:
+            is_over = y > 0.0
+            if (y_reserve[is_over] >= 0.0).any():
                 return None
-            share = max(share, float((y / (y - y_reserve)).max(initial=0.0)))
-        forces = forces + share * (reserve_forces - forces)
-        factor = alpha + share * (reserve_factor - alpha)
-        # The reserve may break limits that x keeps, as that of the dead load does: the mixture may
-        # by no more than rounding, as in equilibrium.
-        if (self.excess(forces, factor) > ROUNDING * self._magnitude(forces, factor)).any():
+            crosses = is_over | (y_reserve > 0.0)
+            crossing = y[crosses] / (y - y_reserve)[crosses]
+            share = max(share, float(crossing[is_over[crosses]].max(initial=0.0)))
+            most = min(most, float(crossing[~is_over[crosses]].min(initial=1.0)))
+        if share > most:
             return None
-        return forces, factor
+        factor = alpha + share * (reserve_factor - alpha)
+        return forces + share * (reserve_forces - forces), factor
 
     def _hidden(
         self, x: FloatArray, alpha: float, u: FloatArray | None, lam: FloatArray | None
@@ -204,10 +198,7 @@ class OwnCertifier:
         """
         if u is None or lam is None:
             return 0.0
-        u, length = (
-            np.reshape(u, (-1, DOF)),
-            self.certifier.size,
-        )  # moments over a length are forces
+        u, length = np.reshape(u, (-1, DOF)), self.certifier.size  # moments over it are forces
         power = 1.0
         if not self.has_aim:
             power = float(self.statics.live @ u.ravel() + self.limits.factor @ lam)
