@@ -12,7 +12,7 @@ import jsonschema
 import numpy as np
 import pytest
 from benchmarks.__main__ import main as benchmarks
-from benchmarks.baselines import V1, V2, N, program
+from benchmarks.baselines import V1, V2, N, ScipyLinprog, program
 from benchmarks.bench import archive, case, outside, prove, running
 from benchmarks.bench.case import HOME, ROOT, STATES, cases, described, holds
 from benchmarks.stability.truths import rocking
@@ -219,3 +219,13 @@ def test_commands(capsys: pytest.CaptureFixture[str]) -> None:
 def test_digits_say_how_far_a_value_is_trusted() -> None:
     value = described("0.643", "hybridfem")
     assert value["interval"] == pytest.approx([0.6425, 0.6435])
+
+
+@pytest.mark.parametrize("name", ["toppling-slope", "toppling-slope-rough"])
+def test_the_rock_slope_in_units_of_its_own_weight_by_another_program(name: str) -> None:
+    """In kN and m HiGHS calls 0.0966684 optimal for 0.0967613, or gives no answer."""
+    scene = CASES[name].read()
+    weight = float(np.abs(scene.dead_forces).sum())
+    found = ScipyLinprog().measure(scene.in_units(scene.units, 0.1, 1.0 / weight))
+    bracket = CASES[name].record()["brackets"]["octagon"]
+    assert found.load_factor == pytest.approx(bracket["lower"], rel=1e-7)  # its own tolerance
