@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
+import random
 import re
 import shlex
 import shutil
+import subprocess
 from dataclasses import asdict
+from datetime import date
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
@@ -32,6 +36,12 @@ COMMAND = re.compile(r"\.venv/bin/python -m benchmarks run (.*)")
 
 CODE = re.compile(r"<!-- record .*?<!-- /record -->|```.*?```|`[^`]*`|\$[^$]*\$", re.S)
 """What is no prose."""
+
+STAMP = re.compile(r"\b(?:at|are of) ([0-9a-f]{7})(?: on|,)")
+"""The commit in the words of a record, and of the open bench."""
+
+TIMES = {"s", "ms", "seconds", "time", "minutes", "CPU", "MB", "GB", "compile", "solve"}
+"""Words in the head of a column that say so."""
 
 FROM_TESTS = {
     "3.11": "the least version of Python, pyproject.toml",
@@ -76,6 +86,65 @@ def test_a_record_is_of_this_minor_version_and_of_the_command_that_is_named(name
     assert record is not None, f"python -m benchmarks all --parts {name}"
     assert record.command == part.command
     assert record.version.split(".")[:2] == __version__.split(".")[:2]
+
+
+def test_stamps_name_commits_that_exist() -> None:
+    """A figure of code that is nowhere is nobody's."""
+    git = ["git", "-C", str(DOCS.parent)]
+    told = subprocess.run([*git, "rev-parse", "--is-shallow-repository"], capture_output=True)
+    if told.stdout.strip() != b"false":
+        pytest.skip("no history here: a source distribution, or a shallow clone")
+    stamps = {stamp for page in PAGES for stamp in STAMP.findall(page.read_text("utf-8"))}
+    stamps |= {read(path.stem).commit for path in evidence.FOLDER.glob("*.json")}
+    asked = "".join(f"{stamp}^{{commit}}\n" for stamp in sorted(stamps))
+    found = subprocess.run([*git, "cat-file", "--batch-check"], input=asked.encode(),
+                           capture_output=True, check=True).stdout.decode()  # fmt: skip
+    missing = [line.split("^")[0] for line in found.splitlines() if line.endswith("missing")]
+    assert not missing, f"measure anew what is stamped {', '.join(missing)}"
+
+
+@pytest.mark.exhaustive
+def test_twelve_figures_drawn_at_random_hold() -> None:
+    """Figures of four digits or more that are no times, from records that take two minutes at
+    most, measured again. Another draw every day; ``CVXLIMIT_DRAW=TEXT`` draws by a text."""
+    seed = os.environ.get("CVXLIMIT_DRAW", date.today().isoformat())
+    short = [p for p in PARTS if (record := read(p.name)) is not None and record.minutes <= 2.0]
+    known = {part: lasting(read(part.name).output) for part in short}
+    drawn = random.Random(seed).sample([(p, at) for p in short for at in known[p]], 12)
+    parts = dict(drawn)  # each once
+    again = {part: lasting(run(part, "", lambda _: None).output) for part in parts}
+    wrong = [
+        f"{part.name}, {' / '.join(map(str, at))}: {known[part][at]}, now {again[part].get(at)}"
+        for part, at in drawn
+        if not alike(known[part][at], again[part].get(at, []))
+    ]
+    assert not wrong, f"drawn by {seed!r}: " + "; ".join(wrong)
+
+
+def lasting(output: str) -> dict[tuple[str, str, int], list[Decimal]]:
+    """Figures of four digits or more by first cell, column and number of the row, without times
+    and memory, which are others every time."""
+    found, head = {}, [""]
+    for i, line in enumerate(output.splitlines()):
+        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+        if not line.startswith("|") or set(line) <= set("|- "):
+            continue
+        is_head = output.splitlines()[i + 1 : i + 2] == ["|" + "---|" * len(cells)]
+        head = cells if is_head else head
+        for column, cell in zip(head, cells, strict=True):
+            exact = [Decimal(word) for word in re.findall(r"-?\d+\.\d+(?![\de])", cell)
+                     if len(word.replace(".", "").lstrip("-0")) >= 4]  # fmt: skip
+            if exact and not is_head and not TIMES & set(re.findall(r"\w+", column)):
+                found[cells[0], column, i] = exact
+    return found
+
+
+def alike(one: list[Decimal], other: list[Decimal]) -> bool:
+    """To a unit of the last digit: another processor rounds otherwise."""
+    return len(one) == len(other) and all(
+        abs(a - b) <= Decimal((0, (1,), a.as_tuple().exponent))
+        for a, b in zip(one, other, strict=True)
+    )
 
 
 def test_every_record_belongs_to_a_part() -> None:
