@@ -181,7 +181,7 @@ class _ProvedAgain:
                 return
         if self.solution.status is Status.DEAD_LOAD_UNSTABLE:
             yield self._falls()
-        elif self.solution.status is Status.LIVE_LOAD_HARMLESS:
+        elif self.solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
             yield self._harmless()
         else:
             yield from self._certified()
@@ -285,7 +285,7 @@ class _ProvedAgain:
                 f"({solution.moments!r}), which no file holds: give them as moments=..."
             )
         run.moments = reading or parse_moments(self.moments or "")
-        if solution.status is Status.LIVE_LOAD_HARMLESS:
+        if solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
             yield self._harmless_inside()
         elif solution.status is Status.DEAD_LOAD_UNSTABLE:
             yield self._cannot_stand()

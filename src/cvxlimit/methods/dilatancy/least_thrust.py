@@ -25,8 +25,11 @@ import numpy as np
 from cvxlimit.base.arrays import BoolArray, FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.dilatancy.tresca import is_friction, tresca
 from cvxlimit.methods.driver import Run
+from cvxlimit.methods.wedging import with_contacts_of
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statement import LargestFactor, Stated
@@ -48,6 +51,9 @@ asked again. All of them together change friction by that share of the load at m
 
 _RISE = 1e-4
 """Relative rise of the bound in a round below which no further one is begun."""
+
+_FAR = 1e3
+"""Load factors, over those of natural size, at which least thrusts show how they grow."""
 
 _FEWER = 0.9
 """Joint problems for the sum of all open thrusts go on while they leave at most this share open."""
@@ -100,6 +106,14 @@ def lower_bound(
         After which no further least thrust is sought; what those found by then exclude is.
     """
     return _Search(run, upper, states, seconds).bound()
+
+
+def excluded_without_end(run: Run, start: float, seconds: float = np.inf) -> LowerBound:
+    """What least thrusts exclude from ``start`` on, of a load of which any multiple is carried with
+    dilatancy. Where that is every solution, however large its load factor, the bound is infinite,
+    and its ``forces`` carry the live load alone with the friction that least thrusts gain with the
+    load factor."""
+    return _Search(run, np.inf, (), seconds).bound(start, has_end=False)
 
 
 def is_covered(run: Run) -> bool:
@@ -204,20 +218,27 @@ class _Search:
         with run.clock.phase("certify"):
             self.certifier = Certifier(found.assemblage, run.surfaces)
 
-    def bound(self) -> LowerBound:
+    def bound(self, start: float = 0.0, has_end: bool = True) -> LowerBound:
         """Returns the bound after rounds of least thrusts, each at the bound so far, until a round
-        hardly raises it."""
-        a, forces, rounds, is_cut = 0.0, None, 0, False
+        hardly raises it. Unless it ``has_end``, each round begins by asking whether all load
+        factors from there on are excluded."""
+        a, forces, rounds, is_cut = start, None, 0, False
         while a < self.upper:
             rounds += 1
             is_cut = self._tighten(a)
+            if not (has_end or is_cut):
+                forces = self._endless(a)
+                if forces is not None:
+                    a = np.inf
+                    break
             before = a
             a, forces, was_cut = self._excluded(a, forces)
             is_cut = is_cut or was_cut
             if is_cut or a - before <= _RISE * a:
                 break
         thrusts, whole = np.zeros(self.count), None
-        thrusts[self.kept] = self.thrusts.least(a, a)
+        if np.isfinite(a):
+            thrusts[self.kept] = self.thrusts.least(a, a)
         if forces is not None:
             whole = np.zeros((self.count, len(COMPONENTS)))
             whole[self.kept] = forces
@@ -317,6 +338,44 @@ class _Search:
                 return a, forces, False
             width *= 0.5
         return a, forces, False
+
+    def _endless(self, a: float) -> FloatArray | None:
+        """Returns forces (n, 6) that show that all load factors from ``a`` on are excluded, or None.
+
+        Bounds of least thrusts that are lines, c + s alpha, never fall below zero from ``a`` on
+        where they are not below it at ``a`` and s >= 0. Then so much friction carries every such
+        load factor if that of c + s a carries ``a``, and that of s alone the live load alone: the
+        forces of one and a multiple of those of the other are forces for any. Of each joint it
+        takes the line that is highest at ``a``, then the one that is highest far beyond.
+        """
+        contacts = self.part.contacts
+        if np.isfinite(contacts.compressive_strength).any():
+            return None  # stone that crushes has no such multiples
+        far = _FAR * max(a, self.part.scaling.ratio)
+        if self._tighten(far):
+            return None
+        constant, slope, rounding = (np.array(part) for part in zip(*self.thrusts.lines, strict=True))
+        slope = slope - rounding
+        at_a = np.where(slope >= 0.0, constant + slope * a, -1.0)
+        dry = with_contacts_of(self.part, replace(contacts, cohesion=0.0 * contacts.cohesion))
+        dead, live = self.part.statics.dead, self.part.statics.live
+        for at in (a, far):
+            line = np.where(at_a >= 0.0, constant + slope * at, -1.0).argmax(axis=0)
+            least, gained = (np.take_along_axis(x, line[None], axis=0)[0] for x in (at_a, slope))
+            if self._carrying(self.part, least, dead + a * live) is not None:
+                forces = self._carrying(dry, gained, live)
+                if forces is not None:
+                    return forces
+        return None
+
+    def _carrying(
+        self, assemblage: Assemblage, pressed: FloatArray, load: FloatArray
+    ) -> FloatArray | None:
+        """Returns forces (n, 6) that carry a load alone with friction of these compressions (n,)."""
+        aside = self.run.auxiliary_run(assemblage)
+        aside.surfaces = tresca(self.run.surfaces, pressed)
+        search = ConvexSearch(aside, "full")
+        return search.carrying(load, search.surfaces, aside.formulation)
 
     def _carried(self, pressed: FloatArray, most: float) -> tuple[float, FloatArray | None]:
         """Returns the proved load factor, at most ``most``, that friction of these compressions
