@@ -22,14 +22,13 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray
+from cvxlimit.base.arrays import SMALL, BoolArray, FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.dilatancy.tresca import is_friction, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.wedging import with_contacts_of
-from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statement import LargestFactor, Stated
@@ -39,6 +38,7 @@ from cvxlimit.proof.minorant import minorant
 from cvxlimit.reductions.choice import Reductions, contacts_of, loaded_blocks
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import number, stated, times
+from cvxlimit.surfaces.coulomb import strength_key
 
 PATIENCE = 2.0
 """Seconds that an answer may always spend on this bound, else as many as it has taken so far: ten
@@ -197,7 +197,7 @@ class _Search:
                 "stated by surfaces"
             )
         self.run, self.until, self.upper = run.auxiliary_run(), time.perf_counter() + seconds, upper
-        self.solves, self.factor = 0, 0.0
+        self.solves, self.factor, self.rise = 0, 0.0, _RISE
         self.random = np.random.default_rng(0)
         # parts without live load carry their dead load by themselves, however they do it
         given, loaded = run.assemblage, loaded_blocks(run.assemblage.statics)
@@ -221,21 +221,24 @@ class _Search:
     def bound(self, start: float = 0.0, has_end: bool = True) -> LowerBound:
         """Returns the bound after rounds of least thrusts, each at the bound so far, until a round
         hardly raises it. Unless it ``has_end``, each round begins by asking whether all load
-        factors from there on are excluded."""
+        factors from there on are excluded, and rises that are not worth a word end it."""
         a, forces, rounds, is_cut = start, None, 0, False
-        while a < self.upper:
+        self.rise = _RISE if has_end else SMALL
+        while a < self.upper and not self.run.is_boundless(a):
             rounds += 1
             is_cut = self._tighten(a)
             if not (has_end or is_cut):
-                forces = self._endless(a)
-                if forces is not None:
-                    a = np.inf
+                ray = self._endless(a)
+                if ray is not None:
+                    a, forces = np.inf, ray
                     break
+                self.upper = 2.0 * max(a, self.part.scaling.ratio)
             before = a
             a, forces, was_cut = self._excluded(a, forces)
             is_cut = is_cut or was_cut
-            if is_cut or a - before <= _RISE * a:
+            if is_cut or a - before <= self.rise * a:
                 break
+            self.upper = self.upper if has_end else np.inf
         thrusts, whole = np.zeros(self.count), None
         if np.isfinite(a):
             thrusts[self.kept] = self.thrusts.least(a, a)
@@ -332,9 +335,9 @@ class _Search:
                 width *= 2.0
                 continue
             lost = self._friction() @ (self.thrusts.least(a, a) - least)
-            if rise > _RISE * a and rise > 0.5 * width:
+            if rise > self.rise * a and rise > 0.5 * width:
                 continue
-            if width <= _RISE * a or lost <= _LOST * self.part.scaling.force:
+            if width <= self.rise * a or lost <= _LOST * self.part.scaling.force:
                 return a, forces, False
             width *= 0.5
         return a, forces, False
@@ -349,33 +352,35 @@ class _Search:
         takes the line that is highest at ``a``, then the one that is highest far beyond.
         """
         contacts = self.part.contacts
-        if np.isfinite(contacts.compressive_strength).any():
+        is_known = strength_key(self.run.surfaces, contacts) is not None
+        if not is_known or np.isfinite(contacts.compressive_strength).any():
             return None  # stone that crushes has no such multiples
-        far = _FAR * max(a, self.part.scaling.ratio)
+        far = _FAR * self.part.scaling.ratio + a
         if self._tighten(far):
             return None
         constant, slope, rounding = (np.array(part) for part in zip(*self.thrusts.lines, strict=True))
         slope = slope - rounding
         at_a = np.where(slope >= 0.0, constant + slope * a, -1.0)
-        dry = with_contacts_of(self.part, replace(contacts, cohesion=0.0 * contacts.cohesion))
         dead, live = self.part.statics.dead, self.part.statics.live
         for at in (a, far):
             line = np.where(at_a >= 0.0, constant + slope * at, -1.0).argmax(axis=0)
             least, gained = (np.take_along_axis(x, line[None], axis=0)[0] for x in (at_a, slope))
-            if self._carrying(self.part, least, dead + a * live) is not None:
-                forces = self._carrying(dry, gained, live)
+            if self._carrying(dead + a * live, least, contacts.cohesion) is not None:
+                forces = self._carrying(live, gained, 0.0)
                 if forces is not None:
                     return forces
         return None
 
     def _carrying(
-        self, assemblage: Assemblage, pressed: FloatArray, load: FloatArray
+        self, load: FloatArray, pressed: FloatArray, cohesion: FloatArray | float
     ) -> FloatArray | None:
-        """Returns forces (n, 6) that carry a load alone with friction of these compressions (n,)."""
-        aside = self.run.auxiliary_run(assemblage)
-        aside.surfaces = tresca(self.run.surfaces, pressed)
-        search = ConvexSearch(aside, "full")
-        return search.carrying(load, search.surfaces, aside.formulation)
+        """Returns forces (n, 6) that carry a load alone with cohesion and the friction of these
+        compressions (n,), which is further cohesion."""
+        contacts = self.part.contacts
+        further = contacts.friction * np.maximum(pressed, 0.0) / contacts.area
+        held = replace(contacts, friction=0.0 * contacts.friction, cohesion=cohesion + further)
+        search = ConvexSearch(self.run.auxiliary_run(with_contacts_of(self.part, held)), "full")
+        return search.carrying(load, search.surfaces, self.run.formulation)
 
     def _carried(self, pressed: FloatArray, most: float) -> tuple[float, FloatArray | None]:
         """Returns the proved load factor, at most ``most``, that friction of these compressions

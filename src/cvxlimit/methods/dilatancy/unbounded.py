@@ -16,6 +16,11 @@ from cvxlimit.solution import Member, Status
 from cvxlimit.base.arrays import SMALL
 from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
 
+_STEPS, _SECONDS = 100, 10.0
+"""Steps of the search for a solution that slides, and the least time that it may take: five times
+what those need in scenes of some ten joints, whose words must not hang on what else the machine
+does."""
+
 
 def without_dilatancy(run: Run, start: float) -> Status:
     """Whether the live load does harm without dilatancy at a load factor above ``start``, with what
@@ -23,17 +28,18 @@ def without_dilatancy(run: Run, start: float) -> Status:
     slides, and the load factor below which there is none.
 
     The proof, and the search, may each take as long as the answer has taken so far. The search
-    ends early at a solution that is proved to be the lowest.
+    ends early at a solution that is nearly proved to be the lowest.
     """
     if not is_covered(run):
         return Status.UNBOUNDED
     run.tell("bounding solutions without dilatancy from below")
-    bound = excluded_without_end(run, start, max(PATIENCE, run.clock.elapsed))
+    seconds = run.clock.elapsed
+    bound = excluded_without_end(run, start, max(PATIENCE, seconds))
     if np.isinf(bound.load_factor):
         run.best = replace(run.best, forces=bound.forces, dilatancy=None)
         return Status.LIVE_LOAD_HARMLESS
     safe = bound.load_factor if bound.load_factor > start else 0.0
-    lowest, sliding, moving = _lowest(run, start, safe), (), 0
+    lowest, sliding, moving = _lowest(run, start, safe, seconds), (), 0
     if lowest is not None:
         relative = run.assemblage.statics.relative_rates(lowest.mechanism)
         sliding, moving = sliding_joints(run.scene, relative, lowest.mechanism)
@@ -42,17 +48,18 @@ def without_dilatancy(run: Run, start: float) -> Status:
     return Status.UNBOUNDED
 
 
-def _lowest(run: Run, start: float, safe: float) -> Member | None:
+def _lowest(run: Run, start: float, safe: float, seconds: float) -> Member | None:
     """The lowest solution without dilatancy above ``start`` that is found in the time."""
     statics = run.assemblage.statics
     moved = run.assemblage.under(statics.dead + start * statics.live, statics.live)
-    aside, until = run.auxiliary_run(moved), time.perf_counter() + max(PATIENCE, run.clock.elapsed)
+    aside, until = run.auxiliary_run(moved), time.perf_counter() + max(_SECONDS, seconds)
     lowest: Member | None = None
     with suppress(ModelError):  # it has no proof that it stands at the start
-        for _ in ZeroDilatancy().steps(aside):
-            members = [replace(m, load_factor=m.load_factor + start) for m in aside.best.members]
+        for step, _ in enumerate(ZeroDilatancy().steps(aside)):
+            beyond = [m for m in aside.best.members if m.load_factor > 0.0]
+            members = [replace(m, load_factor=m.load_factor + start) for m in beyond]
             lowest = min(members, key=lambda m: m.load_factor, default=None)
             is_least = lowest is not None and lowest.load_factor <= (1.0 + SMALL) * safe
-            if is_least or time.perf_counter() > until:
+            if is_least or step >= _STEPS or time.perf_counter() > until:
                 break
     return lowest
