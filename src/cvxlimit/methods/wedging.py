@@ -14,6 +14,8 @@ wedge in a groove jams with it and slides without it. There are three readings.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +27,7 @@ from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.solution import Status
+from cvxlimit.solution.bracket import rounded
 from cvxlimit.solution.kinematics import Dilatancy
 from cvxlimit.surfaces.coulomb import strength_key
 
@@ -46,19 +49,29 @@ def judged(run: Run, is_plain: bool = True) -> Status:
         return Status.UNBOUNDED
     start, end = 0.0, run.best.lower_end
     if end is not None:
-        start = end.bracket.upper + _BEYOND * run.scaling.unit(end.bracket.upper)
+        start = end.load_factor + _BEYOND * run.scaling.unit(end.load_factor)
     run.tell("checking whether the live load does any harm without dilatancy")
+    status = Status.UNBOUNDED
     forces = carried_without_friction(run, start)
     if forces is not None:
+        status = Status.LIVE_LOAD_HARMLESS
         if is_plain:  # those with interaction are strictly inside, and these need not be
             run.best = replace(run.best, forces=forces)
-        return Status.LIVE_LOAD_HARMLESS
-    run.best = replace(run.best, dilatancy=Dilatancy(np.inf))
-    try:
-        without_dilatancy = attached("without_dilatancy")
-    except (AttributeError, ModuleNotFoundError):  # an extension that is not there
-        return Status.UNBOUNDED
-    return Status(without_dilatancy(run, start)) if is_plain else Status.UNBOUNDED
+    else:
+        run.best = replace(run.best, dilatancy=Dilatancy(np.inf))
+        extension = _extension()
+        if is_plain and extension is not None:
+            status = extension(run, start)
+    if status is Status.LIVE_LOAD_HARMLESS and end is not None:
+        run.remarks.append(f"from {rounded(start, 6)} on it does no harm without dilatancy either")
+    return status
+
+
+def _extension() -> Callable[[Run, float], Status] | None:
+    """What knows more of friction without dilatancy, if it is there."""
+    with suppress(AttributeError, ModuleNotFoundError):
+        return attached("without_dilatancy")
+    return None
 
 
 def carried_without_friction(run: Run, start: float) -> FloatArray | None:
