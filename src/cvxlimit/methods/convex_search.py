@@ -36,6 +36,7 @@ from cvxlimit.methods.standing import (
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.statics import DOF
 from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
@@ -414,6 +415,8 @@ class ConvexSearch:
         """Forces (n, 6) that carry a ``load`` alone, recomputed outside the solver; None if none
         were found."""
         run = self.run
+        if not load.any():
+            return np.zeros((len(run.assemblage.contacts), DOF))
         loaded = self.reductions.assemblage.under(load, load)
         with run.clock.phase("compile"):
             alone, reduction = loaded.alone(load), self.reductions.best()
