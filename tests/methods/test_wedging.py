@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -268,7 +269,7 @@ def random_clamped(seed: int) -> Scene:
         cuts = [0.0, *(np.arange(1, wide) + shift), float(wide)]
         blocks += [
             Block.box(f"b{i}-{k}", (a, 0, k * height), (b, 1, (k + 1) * height), density=20.0)
-            for i, (a, b) in enumerate(zip(cuts[:-1], cuts[1:], strict=True))
+            for i, (a, b) in enumerate(pairwise(cuts))
         ]
     top *= height
     fixed = [Block.box("ground", (-1, -0.5, -1), (wide + 1, 1.5, 0))]

@@ -36,8 +36,8 @@ from cvxlimit.methods.standing import (
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.problem import LimitProblem
-from cvxlimit.model.statics import DOF
 from cvxlimit.model.statement import LargestFactor, largest_self_stress
+from cvxlimit.model.statics import DOF
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength

@@ -26,6 +26,8 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.statics import DOF
+from cvxlimit.reductions.choice import loaded_blocks
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded
 from cvxlimit.solution.kinematics import Dilatancy
@@ -84,7 +86,9 @@ def carried_without_friction(run: Run, start: float) -> FloatArray | None:
     smooth = replace(contacts, friction=np.zeros(len(contacts)))
     aside = run.auxiliary_run(with_contacts_of(run.assemblage, smooth))
     search = ConvexSearch(aside, run.model)
-    at_start = statics.dead + start * statics.live
+    # parts without live load carry their dead load by themselves, however they do it
+    is_loaded = np.repeat(loaded_blocks(statics), DOF)
+    at_start = np.where(is_loaded, statics.dead + start * statics.live, 0.0)
     if search.carrying(at_start, search.surfaces, run.formulation) is None:
         return None
     return search.carrying(statics.live, *search.certifier.strength.recession())

@@ -343,7 +343,7 @@ class _Search:
         return a, forces, False
 
     def _endless(self, a: float) -> FloatArray | None:
-        """Returns forces (n, 6) that show that all load factors from ``a`` on are excluded, or None.
+        """Returns forces (n, 6) that show that all load factors from ``a`` on are excluded.
 
         Bounds of least thrusts that are lines, c + s alpha, never fall below zero from ``a`` on
         where they are not below it at ``a`` and s >= 0. Then so much friction carries every such
@@ -358,7 +358,8 @@ class _Search:
         far = _FAR * self.part.scaling.ratio + a
         if self._tighten(far):
             return None
-        constant, slope, rounding = (np.array(part) for part in zip(*self.thrusts.lines, strict=True))
+        lines = zip(*self.thrusts.lines, strict=True)
+        constant, slope, rounding = (np.array(part) for part in lines)
         slope = slope - rounding
         at_a = np.where(slope >= 0.0, constant + slope * a, -1.0)
         dead, live = self.part.statics.dead, self.part.statics.live

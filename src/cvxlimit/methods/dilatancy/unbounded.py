@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from cvxlimit.base.arrays import SMALL
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.dilatancy.least_thrust import PATIENCE, excluded_without_end, is_covered
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Run
 from cvxlimit.solution import Member, Status
-from cvxlimit.base.arrays import SMALL
 from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
 
 _STEPS, _SECONDS = 100, 10.0
@@ -39,11 +39,11 @@ def without_dilatancy(run: Run, start: float) -> Status:
         run.best = replace(run.best, forces=bound.forces, dilatancy=None)
         return Status.LIVE_LOAD_HARMLESS
     safe = bound.load_factor if bound.load_factor > start else 0.0
-    lowest, sliding, moving = _lowest(run, start, safe, seconds), (), 0
+    known, lowest = Dilatancy(np.inf, safe=safe), _lowest(run, start, safe, seconds)
     if lowest is not None:
         relative = run.assemblage.statics.relative_rates(lowest.mechanism)
-        sliding, moving = sliding_joints(run.scene, relative, lowest.mechanism)
-    known = Dilatancy(np.inf, sliding, moving, safe, lowest and lowest.load_factor)
+        joints = sliding_joints(run.scene, relative, lowest.mechanism)
+        known = Dilatancy(np.inf, *joints, safe, lowest.load_factor)
     run.best = replace(run.best, dilatancy=known)
     return Status.UNBOUNDED
 
