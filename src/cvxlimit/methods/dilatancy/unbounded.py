@@ -16,7 +16,7 @@ from cvxlimit.methods.driver import Run
 from cvxlimit.solution import Member, Status
 from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
 
-_STEPS, _SECONDS = 100, 10.0
+_STEPS, _SECONDS = 50, 10.0
 """Steps of the search for a solution that slides, and the least time that it may take: five times
 what those need in scenes of some ten joints, whose words must not hang on what else the machine
 does."""
