@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Load, Scene, Solution, Status, solve
+from cvxlimit import Block, Load, Scene, Solution, Status, prove, solve
 from cvxlimit.cli.main import run
 from cvxlimit.io import read_result, write_result, write_scene
 from cvxlimit.masonry import arch
@@ -255,6 +256,16 @@ def test_files_and_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "slides at 1.0000 without it" in err
     assert "zero-dilatancy" in err
     assert "no harm" not in out + err
+
+
+def test_proved_again() -> None:
+    """What is said to do no harm, and where the status of the file was changed to that."""
+    for scene in (keystone((0, 0, -1)), pushed(30.0)):
+        assert prove(solve(scene), scene).is_proved
+    jammed = solve(clamped())
+    assert prove(jammed, clamped()).is_proved
+    changed = replace(jammed, status=Status.LIVE_LOAD_HARMLESS)
+    assert not prove(changed, clamped()).is_proved
 
 
 def random_clamped(seed: int) -> Scene:

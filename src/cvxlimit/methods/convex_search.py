@@ -37,7 +37,6 @@ from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.model.statement import LargestFactor, largest_self_stress
-from cvxlimit.model.statics import DOF
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
@@ -170,10 +169,9 @@ class ConvexSearch:
             status = yield from self._solvers_in_turn()
         if status is not None:
             return status
-        # A proved upper bound of usual size is a limit: the live load does harm then.
         best = self.run.best.bracket
-        is_harmful = best.upper_is_proved and not self.run.is_boundless(best.upper)
-        is_unbounded = not is_harmful and self._is_unbounded()
+        has_limit = best.upper_is_proved and not self.run.is_boundless(best.upper)
+        is_unbounded = not has_limit and self._is_unbounded()
         return Status.UNBOUNDED if is_unbounded else Status.NOT_CERTIFIED
 
     def held_by_live_load(self) -> Held:
@@ -402,30 +400,23 @@ class ConvexSearch:
         """True if forces carry the live load alone, hence any multiple of it; asked once."""
         if not self._is_new("live load"):
             return False
-        run, live = self.run, self.run.assemblage.statics.live
-        run.tell("checking whether the live load has a limit")
-        forces = self.carrying(live, *self.certifier.strength.recession())
-        if forces is not None:
-            run.best = replace(run.best, forces=forces, mechanism=None)
+        live = self.run.assemblage.statics.live
+        if (forces := self.carrying(live, *self.certifier.strength.recession())) is not None:
+            self.run.best = replace(self.run.best, forces=forces, mechanism=None)
         return forces is not None
 
     def carrying(
         self, load: FloatArray, surfaces: Sequence[YieldSurface], formulation: Formulation
     ) -> FloatArray | None:
-        """Forces (n, 6) that carry a ``load`` alone, recomputed outside the solver; None if none
-        were found."""
-        run = self.run
-        if not load.any():
-            return np.zeros((len(run.assemblage.contacts), DOF))
-        loaded = self.reductions.assemblage.under(load, load)
+        """Forces (n, 6) that carry a ``load`` alone, recomputed outside the solver, or None."""
+        run, loaded = self.run, self.reductions.assemblage.under(load, load)
         with run.clock.phase("compile"):
             alone, reduction = loaded.alone(load), self.reductions.best()
             if formulation is not run.formulation:
                 reduction = Reduction.none(alone.statics, formulation)
-            # has_rows=False below: where a load grazes, forces are inside by 1e-8, and the order of
-            # rows decides whether solvers find them: CVXPY's did on 295 of 295 scenes, ours on 293
             goal = LargestFactor(most=1.0)
             problem = LimitProblem(alone, surfaces, reduction=reduction, goal=goal)
+        # has_rows: where a load grazes, CVXPY's rows show all of 295 scenes to solvers, ours 293
         for state, certificate in self._shares(problem, "load alone", formulation, has_rows=False):
             carrying = self.certifier.given(state)
             if carrying is not None and state.load_factor and state.load_factor > 0.5:

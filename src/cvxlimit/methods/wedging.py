@@ -23,12 +23,13 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.attached import attached
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.methods.checks import Check
 from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
 from cvxlimit.reductions.choice import loaded_blocks
-from cvxlimit.solution import Status
+from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded
 from cvxlimit.solution.kinematics import Dilatancy
 from cvxlimit.surfaces.coulomb import strength_key
@@ -69,6 +70,19 @@ def judged(run: Run, is_plain: bool = True) -> Status:
     return status
 
 
+def without_limit(check: Check, run: Run, solution: Solution) -> Check:
+    """The check of forces that carry the live load alone as what a solution claims of them: that it
+    does no harm is sought and proved anew, by a run of its scene."""
+    if solution.status is Status.UNBOUNDED:
+        return replace(check, claim="any multiple of the live load is carried with dilatancy")
+    aside = run.auxiliary_run()
+    aside.best = replace(aside.best, lower_end=solution.lower_end)
+    is_plain = solution.interaction == "none" and solution.torsion_shear == "linear"
+    if check.is_met and judged(aside, is_plain) is not Status.LIVE_LOAD_HARMLESS:
+        return replace(check, is_met=False, found="forces carry it alone, but by dilatancy")
+    return check
+
+
 def _extension() -> Callable[[Run, float], Status] | None:
     """What knows more of friction without dilatancy, if it is there."""
     with suppress(AttributeError, ModuleNotFoundError):
@@ -89,7 +103,8 @@ def carried_without_friction(run: Run, start: float) -> FloatArray | None:
     # parts without live load carry their dead load by themselves, however they do it
     is_loaded = np.repeat(loaded_blocks(statics), DOF)
     at_start = np.where(is_loaded, statics.dead + start * statics.live, 0.0)
-    if search.carrying(at_start, search.surfaces, run.formulation) is None:
+    is_empty = not at_start.any()
+    if not is_empty and search.carrying(at_start, search.surfaces, run.formulation) is None:
         return None
     return search.carrying(statics.live, *search.certifier.strength.recession())
 

@@ -166,6 +166,12 @@ zero-dilatancy) answers without dilatancy
         load slides or nothing is known."""
         return bool(np.isinf(self.share))
 
+    @property
+    def known(self) -> str:
+        """In two words, where any multiple of the live load is carried with dilatancy."""
+        slides_at = self.slides_at
+        return "not known" if slides_at is None else f"slides at {rounded(slides_at, 5)}"
+
     def __str__(self) -> str:
         """One sentence, empty where there is nothing to say."""
         if not self.is_worth_a_word:

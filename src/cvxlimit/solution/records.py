@@ -75,9 +75,8 @@ _ADVICE = {
     ),
     Status.UNBOUNDED: (
         "forces that carry any multiple of the live load were found and checked, but joints may "
-        "be pressed so hard only because they would open as they slide: it is not known at which "
-        "load they slide without dilatancy, and method 'zero-dilatancy' (--method zero-dilatancy) "
-        "looks for it"
+        "be pressed so hard only because they would open as they slide: this says nothing of "
+        "friction without dilatancy, which method 'zero-dilatancy' (--method zero-dilatancy) has"
     ),
     Status.INTERRUPTED: "the bracket is what was proved until then; let it run longer",
 }
