@@ -216,9 +216,8 @@ class Solution:
     @property
     def is_answered(self) -> bool:
         """True when the status is good, or the lower end is, and any more proved to do no harm."""
-        return self.status.is_good or bool(
-            self.lower_end and self.status is Status.LIVE_LOAD_HARMLESS
-        )
+        is_harmless = self.status is Status.LIVE_LOAD_HARMLESS
+        return self.status.is_good or (self.lower_end is not None and is_harmless)
 
     @property
     def gap(self) -> float:
