@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -406,31 +407,28 @@ class TestDomain:
     def test_far_outside_the_frame_it_says_what_the_domain_and_a_solve_say(
         self, name: str, tab, tmp_path: Path
     ) -> None:
-        """Twenty random directions, each before and behind what a solve says it holds, and then as
-        far out as 10, 1,000 and a million frames; four of these under the pointer itself."""
+        """Twenty random directions, at a third of a frame, one, ten and a thousand: what a solve
+        with these loads beside the dead load says stands, four of them under the pointer itself."""
         scene, loads = SETS[name]()
-        domain = load_domain(scene, loads, 0.02, progress=False)
+        domain = load_domain(scene, loads, 0.01, progress=False)
         page = tmp_path / "set.html"
         domain.plot(str(page))
         tab.opened(page, 1280, "light")
-        size = np.abs(domain.frame).max(axis=0)
-        rng = np.random.default_rng(54)
+        size, rng, agreed = np.abs(domain.frame).max(axis=0), np.random.default_rng(54), 0
         words = {"carried": "carried", "not carried": "ruled out", "open": "between: not decided"}
         for k, way in enumerate(rng.normal(size=(20, 2)) * size):
-            solution = solve(scene.with_live(combined(list(domain.loads.values()), way)))
-            far = [10.0, 1e3, 1e6]
-            is_unbounded = solution.status is Status.LIVE_LOAD_HARMLESS
-            expected = dict.fromkeys(far, "carried" if is_unbounded else "ruled out")
-            if not is_unbounded:
-                assert solution.upper < far[0]
-                expected[1.03 * solution.upper + 1e-6] = "ruled out"
-                expected[0.97 * solution.lower - 1e-6] = "carried"
-            assert str(domain.load_factor(way)) == "unbounded" or not is_unbounded
-            for times, said in expected.items():
-                at = times * way
-                if name != "flat" or said == "ruled out":  # what is a line is hardly ever met
-                    assert words[domain.contains(at)] == said, at
-                    assert tab.run("return describe(arguments[0])", at.tolist()).endswith(said), at
+            if domain.contains((0, 0)) == "carried":
+                found = solve(scene.with_live(combined(list(domain.loads.values()), way)))
+                is_unbounded = str(domain.load_factor(way)) == "unbounded"
+                assert is_unbounded == (found.status is Status.LIVE_LOAD_HARMLESS)
+            for at in np.multiply.outer([0.3, 1.0, 10.0, 1e3], way):
+                said = domain.contains(at)
+                assert tab.run("return describe(arguments[0])", at.tolist()).endswith(words[said])
+                load = combined([scene.dead, *domain.loads.values()], [1.0, *at])
+                found = solve(replace(scene, dead=load))
+                stands = found.status is not Status.DEAD_LOAD_UNSTABLE and found.interval is None
+                agreed += said == ("carried" if stands else "not carried")
+                assert said in ("open", "carried" if stands else "not carried"), at
             if k < 4:
                 tab.run("camera.zoom = arguments[0]; draw()", 0.05)
                 at = (5.0 * way).tolist()
@@ -440,6 +438,7 @@ class TestDomain:
                 read = np.array([float(line.split()[-1]) for line in tip(tab).split("\n")[:2]])
                 assert np.abs(read - at).max() < 0.05 * np.abs(at).max()
                 assert tip(tab).split("\n")[-1] == words[domain.contains(read)]
+        assert agreed >= 76  # of 80: few places are left open
         assert tab.complaints == []
 
     def test_no_line_closes_what_goes_on(self, tab, tmp_path: Path) -> None:
