@@ -432,9 +432,9 @@ class TestDomain:
             if k < 4:
                 tab.run("camera.zoom = arguments[0]; draw()", 0.05)
                 at = (5.0 * way).tolist()
-                x, y = tab.run("const p = projection().to(arguments[0]);"
-                               "return [p[0] / stage.clientWidth, p[1] / stage.clientHeight]", at)  # fmt: skip
-                tab.point("#overlay", (x, y))
+                x, y, _ = tab.run("return projection().to(arguments[0])", at)
+                wide, high = tab.run("return [stage.clientWidth, stage.clientHeight]")
+                tab.point("#overlay", (x / wide, y / high))
                 read = np.array([float(line.split()[-1]) for line in tip(tab).split("\n")[:2]])
                 assert np.abs(read - at).max() < 0.05 * np.abs(at).max()
                 assert tip(tab).split("\n")[-1] == words[domain.contains(read)]
@@ -442,8 +442,8 @@ class TestDomain:
         assert tab.complaints == []
 
     def test_no_line_closes_what_goes_on(self, tab, tmp_path: Path) -> None:
-        """The left of a tuff wall's domain has no end: as far as the page shows, now or later, there
-        is the same colour up to its edge, and no line along it."""
+        """The left of a tuff wall's domain has no end: as far as the page shows, now or later,
+        there is the same colour up to its edge, and no line along it."""
         page = tmp_path / "open.html"
         load_domain(builtin_scene("tuff-wall"), progress=False).plot(str(page))
         for zoom in (1.0, 0.1, 0.01):
