@@ -36,9 +36,9 @@ CLOSED = 1e-6
 """Gap, over the contact size, up to which a point is closed."""
 
 LEVEL = 0.1
-"""A curve is level where it falls less than a tenth as fast as it would to zero on a straight line,
-and a path slides away where that lasts for a tenth of the way while a tenth of what joints move by
-is slip. What rocks falls at half to twice that pace; what slides is level until a support ends."""
+"""A curve is level where it falls less than a tenth as fast as on the whole way, and a path slides
+away where that lasts for a tenth of the way while a tenth of what joints move by is slip. What
+rocks falls at half to twice that pace; what slides is level until a support ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +300,8 @@ class Path:
         if not self.slides or not self._last:
             return False
         slip, turn = self._moved.T
-        is_level = -np.diff(alpha) * w[-1] < LEVEL * np.diff(w) * abs(alpha[0])
+        least = max(LEVEL * (alpha[0] - alpha[-1]), SLIDING * abs(alpha[0])) / w[-1]
+        is_level = -np.diff(alpha) < least * np.diff(w)
         return bool(np.diff(w)[is_level & (slip > LEVEL * (slip + turn))].sum() > LEVEL * w[-1])
 
     @cached_property

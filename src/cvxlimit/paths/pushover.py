@@ -155,7 +155,7 @@ def pushover(
     path = replace(follow(step, begin), halved=None)
     if path.slides_away:  # smaller steps lead to the same end of a support
         is_there = path.status in ("zero", "falls", "blocked", "not-converged")
-        return replace(path, notes=(), reason=path.headline if is_there else path.reason)
+        return replace(path, reason=path.headline if is_there else path.reason)
     if not (path.slides and is_own):
         return path
     # Every step of the path in two, where the package has chosen them, until that changes little.
