@@ -257,14 +257,16 @@ def code_check(
     weight, rate = _moving(path, along, groups)
     total, first, second = weight.sum(), weight @ rate, weight @ rate**2
     over = f"{path.load_factor[0] / (path.initial.load_factor or np.inf) - 1.0:+.1%}"
-    slides, (path, notes) = path.slides_away, _finer(path)
-    slides, notes = slides or path.slides_away, (*[path.headline] * (path.slides or slides), *notes)
+    whole, (path, notes) = path, _finer(path)
+    refused = next((x.headline for x in (whole, path) if x.slides_away), "")
+    if path.slides and not refused:
+        notes = (f"on the path {path.headline}", *notes)
     if over[1:] != "0.0%":
         notes = (*notes, f"friction acts at points, which changes a0* by {over} against solve's")
     e_star = first**2 / (total * second)
     spectral = second / (_at_control(path, along) * first)  # displacement over the control point's
     times = size * gravity / (e_star * factor)  # acceleration over the load factor
-    d0, ends = (np.nan, "") if slides else _end(path)
+    d0, ends = (np.nan, "") if refused else _end(path)
 
     half = 0.5 * path.load_factor.max()
     drops = [k for _, k in path.pieces[:-1] if path.load_factor[k - 1] - path.load_factor[k] > half]
@@ -278,12 +280,12 @@ def code_check(
         a, d = times * found.load_factor, spectral * at
         return Limit(float(d), float(a), float(period * np.pi * np.sqrt(d / a)), basis, found)
 
-    slv, slc = (None, None) if slides else (limit(0.4, 1.68), limit(0.6, 1.56))
+    slv, slc = (None, None) if refused else (limit(0.4, 1.68), limit(0.6, 1.56))
     return CodeCheck(
         scene.name, scene.units, factor, gravity, positive(q, "q"), float(total), float(e_star),
         float(times * path.load_factor[0]), spectral * path.displacement,
         times * path.load_factor, path.pieces, float(spectral * d0), ends,
-        slv, slc, notes[slides:], notes[0] if slides else "",
+        slv, slc, notes, refused,
     )  # fmt: skip
 
 

@@ -329,7 +329,7 @@ class Path:
                 "drawn to end, which is no capacity of displacement"
             )
         low, high = (f"{d0:.4g}" for d0 in self.d0_interval)
-        end = f"d0 is {low}" + (f" to {high}" if low != high else "") + f" {unit}"
+        end = f"zero at d0 = {low}" + (f" to {high}" if low != high else "") + f" {unit}"
         if low == "nan":
             end = f"no d0: it ends at a load factor of {self.load_factor[-1]:.4g}"
         if len(self) == 1:
