@@ -10,7 +10,7 @@ import pytest
 
 from cvxlimit import Scene, Status, builtin_scene, solve
 from cvxlimit.masonry import random_wall
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.door import LimitProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.own_limits import OwnCertifier
 from exhaustive import mostly_slow
@@ -78,7 +78,7 @@ def stated(problem: LimitProblem, row: np.ndarray) -> cp.Expression:
     """A row on contact forces as an expression of the problem's."""
     parts = row.reshape(-1, 6)
     terms = [
-        parts[j, k] * problem.forces[name][j]
+        parts[j, k] * getattr(problem, name)[j]
         for k, name in enumerate(COMPONENTS)
         for j in np.flatnonzero(parts[:, k]).tolist()
     ]
@@ -91,9 +91,9 @@ def test_limits(seed: int) -> None:
     random = np.random.default_rng(seed)
     scene, forces, collapse = pushed(seed)
     problem = LimitProblem(scene)
-    dead = problem.inside()  # some state under the dead load alone
+    dead = LimitProblem(scene)  # some state under the dead load alone
     dead.add("dead alone", dead.factor == 0.0)
-    calm = dead.run().forces
+    calm = dead._stated.inside().run().forces
     assert calm is not None
     rows = []
     for i in range(int(random.integers(1, 4))):
@@ -118,14 +118,15 @@ def assert_no_perturbation_refutes(
     problem: LimitProblem, random: np.random.Generator, exact: float, size: float
 ) -> None:
     """Bounds from spoiled forces, mechanisms and multipliers are worse, never wrong."""
-    states = (problem.run(rung) for rung in problem.ladder())
+    stated = problem._stated
+    states = map(stated.run, stated.ladder())
     state = next(state for state in states if state.mechanism is not None)
-    limits = problem.linear_limits()
+    limits = stated.linear_limits()
     assert not isinstance(limits, str)
     assert state.mechanism is not None
     assert state.forces is not None
-    proof = OwnCertifier(Certifier(problem.at_present(), problem.surfaces), limits)
-    inner = problem.inside()
+    proof = OwnCertifier(Certifier(stated.at_present(), stated.surfaces), limits)
+    inner = stated.inside()
     inside = next(s for s in map(inner.run, inner.ladder()) if s.forces is not None)
     for share in (1e-6, 1e-3, 0.3):
         spoiled = [
@@ -142,20 +143,21 @@ def test_no_mixture_breaks_a_limit_that_only_the_reserve_breaks() -> None:
     scene = builtin_scene("tuff-wall")
     problem = LimitProblem(scene)
     problem.add("low", problem.factor <= 0.05)
-    limits = problem.linear_limits()
+    stated = problem._stated
+    limits = stated.linear_limits()
     assert not isinstance(limits, str)
-    proof = OwnCertifier(Certifier(problem.at_present(), problem.surfaces), limits)
-    inner = LimitProblem(scene).inside()
+    proof = OwnCertifier(Certifier(stated.at_present(), stated.surfaces), limits)
+    inner = LimitProblem(scene)
     inner.add("high", inner.factor == 0.2)
-    reserve = inner.run()
+    reserve = inner._stated.inside().run()
     assert reserve.forces is not None
     assert reserve.load_factor is not None
     noise = np.random.default_rng(0).normal(size=reserve.forces.shape)
     outside = 0.05 * np.abs(reserve.forces).max() * noise
     assert proof.lower(outside, 0.0499, reserve.forces, reserve.load_factor) <= 0.05
-    within = LimitProblem(scene).inside()
+    within = LimitProblem(scene)
     within.add("lower", within.factor == 0.01)
-    inside = within.run()
+    inside = within._stated.inside().run()
     assert inside.forces is not None
     assert 0.01 - 1e-6 <= proof.lower(outside, 0.0499, inside.forces, 0.01) <= 0.05
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from cvxpy.settings import OPTIMAL, OPTIMAL_INACCURATE
+from cvxpy.settings import INFEASIBLE, OPTIMAL, OPTIMAL_INACCURATE, SOLVER_ERROR, UNBOUNDED
 
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
@@ -16,7 +16,7 @@ from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.limits import broken
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.proof.own_limits import OwnCertifier
 from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.solution import Solution, Status
@@ -28,7 +28,7 @@ from cvxlimit.solvers import LimitState, SolverSettings, asked_ladder
 class OneProblem(Convex):
     """The convex method on a problem that exists, whose solvers start from the solve before."""
 
-    problem: LimitProblem | None = None
+    problem: LimitProgram | None = None
 
     def steps(self, run: Run) -> Steps:
         assert self.problem is not None
@@ -39,7 +39,7 @@ class OneProblem(Convex):
         self.problem.reference = search.certifier
         return status
 
-    def _own(self, run: Run, problem: LimitProblem) -> Steps:
+    def _own(self, run: Run, problem: LimitProgram) -> Steps:
         """Solves with limits or an aim of the user's, with both bounds, where all of them are
         linear."""
         search = ConvexSearch(run, "full", self.tolerance, self.budget, problem)
@@ -74,15 +74,14 @@ class OneProblem(Convex):
     def _bracketed(
         self,
         search: ConvexSearch,
-        problem: LimitProblem,
+        problem: LimitProgram,
         proof: OwnCertifier | None,
         state: LimitState,
     ) -> Answer:
+        value = state.load_factor if problem.aim is None else problem.tell(state)
         if proof is None:
-            return Answer(problem.value(state), Bracket(), state.forces, None)
+            return Answer(value, Bracket(), state.forces, state.mechanism)
         mechanism, multipliers = state.mechanism, state.own.get("multipliers")
-        if mechanism is not None and proof.has_aim:  # that of the load factor is in its units
-            mechanism = mechanism * (problem.scaling.live / problem.scaling.force)
         certifier, factor = search.certifier, state.load_factor
         forces, reserve = certifier.given(state), certifier.witnesses.dead_state
         about = mechanism, multipliers
@@ -98,10 +97,10 @@ class OneProblem(Convex):
             if given is not None and at is not None:
                 other = proof.bracket(forces, factor, (given, at), *about)
                 bracket = bracket.raised(other.lower, other.lower_is_proved)
-        return Answer(problem.value(state), bracket, state.forces, mechanism)
+        return Answer(value, bracket, state.forces, mechanism)
 
 
-def _inside(run: Run, problem: LimitProblem) -> Iterator[LimitState]:
+def _inside(run: Run, problem: LimitProgram) -> Iterator[LimitState]:
     """States that may be strictly inside the limits: that of the solve before, which costs nothing
     and often still is where Parameters have changed little, and an answer without an aim, of the
     first solver that has one."""
@@ -124,7 +123,7 @@ def _better(before: Answer, found: Answer) -> Answer:
     return raised.lowered(new.upper, new.upper_is_proved, found.mechanism)
 
 
-def _without_answer(problem: LimitProblem) -> str:
+def _without_answer(problem: LimitProgram) -> str:
     named = broken(problem.problem, problem.limits)
     if not named:
         return "the problem has no largest value, or no forces that satisfy it"
@@ -133,25 +132,60 @@ def _without_answer(problem: LimitProblem) -> str:
 
 
 def solved(
-    problem: LimitProblem, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
-) -> Solution:
-    """See :meth:`~cvxlimit.model.problem.LimitProblem.solve`."""
+    problem: LimitProgram, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any],
+    sign: float,
+) -> Solution:  # fmt: skip
+    """See :meth:`~cvxlimit.model.door.LimitProblem.solve`; an aim is maximised ``sign`` times."""
     ladder = asked_ladder(solver, None)
     if options:
         ladder = tuple(
             replace(settings, options={**settings.options, **options})
             for settings in ladder or problem.ladder(tolerance)[:1]
         )
-    found = solved_at(problem, problem.at_present(), tolerance, ladder, verbose)
-    found.__dict__["problem"] = problem
+    problem.states = []
+    try:
+        found, best = _solved(problem, problem.at_present(), tolerance, ladder, verbose)
+        _tell(problem, found, best)
+    finally:
+        problem.states = None
+    if sign < 0.0:
+        low, high = found.bracket.upper, found.bracket.lower
+        proofs = found.bracket.upper_is_proved, found.bracket.lower_is_proved
+        bracket = Bracket(-low, -high, *proofs, found.bracket.least)
+        factor = None if found.load_factor is None else -found.load_factor
+        found = replace(found, load_factor=factor, bracket=bracket)
     return found
 
 
-def solved_at(
-    problem: LimitProblem, given: Assemblage, tolerance: float = TOLERANCE,
-    ladder: Sequence[SolverSettings] | None = None, verbose: bool = False,
-) -> Solution:  # fmt: skip
+def _tell(problem: LimitProgram, found: Solution, best: Answer) -> None:
+    """Leave the values of the answer in CVXPY's variables, duals and problem: those of the states
+    whose forces and mechanism it has, and not of any that were asked for its bracket."""
+    states = problem.states or []
+    primal = [state for state in states if state.forces is not None and state.forces is best.forces]
+    dual = [
+        state
+        for state in states
+        if state.mechanism is not None and state.mechanism is best.mechanism
+    ]
+    if found.load_factor is not None and primal:
+        status = OPTIMAL if found.status is Status.CERTIFIED else primal[0].outcome.status
+        problem.tell(primal[0], (dual or primal)[0], status)
+        return
+    claims = [state.outcome.status for state in states if state.outcome.claims_no_optimum]
+    ends = {Status.LIVE_LOAD_HARMLESS: UNBOUNDED, Status.DEAD_LOAD_UNSTABLE: INFEASIBLE}
+    problem.tell_none(ends.get(found.status, "") or (claims or [SOLVER_ERROR])[-1])
+
+
+def solved_at(problem: LimitProgram, given: Assemblage, tolerance: float = TOLERANCE) -> Solution:
     """The solution where the Parameters' present values are those of the mechanics ``given``."""
+    return _solved(problem, given, tolerance)[0]
+
+
+def _solved(
+    problem: LimitProgram, given: Assemblage, tolerance: float,
+    ladder: Sequence[SolverSettings] | None = None, verbose: bool = False,
+) -> tuple[Solution, Answer]:  # fmt: skip
+    """The solution, and the answer that it was made of."""
     problem.shared = given.repeats or problem.shared or Repeats()
     given = replace(given, repeats=problem.shared)
     run = Run(
@@ -163,6 +197,7 @@ def solved_at(
     if problem.has_own:  # the mechanism is not that of the live load alone, or of no collapse
         note = found.note.removesuffix(str(found.dilatancy or "")).removesuffix("; ")
         found = replace(found, dilatancy=None, note=note)
-    if problem.has_aim:
+        found.__dict__["own_limits"] = problem.said_own
+    if problem.aim is not None:
         found = replace(found, quantity="value of the aim", mechanism=None)
-    return found
+    return found, run.best

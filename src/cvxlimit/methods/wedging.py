@@ -13,7 +13,7 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import Stated
 from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
 from cvxlimit.solvers import LimitState
@@ -61,14 +61,14 @@ def carried_by_dilatancy(run: Run) -> Dilatancy | None:
     contacts, mu = alone.contacts, alone.contacts.friction
     price, reserve = cp.Parameter(len(contacts), nonneg=True), np.inf
     with run.clock.phase("compile"):
-        problem = LimitProblem(alone, DEFAULT_SURFACES, goal=_LeastPressed(price))
+        problem = LimitProgram(alone, DEFAULT_SURFACES, goal=_LeastPressed(price))
     price.value = np.ones(len(contacts))
     for _ in range(_ROUNDS):
         pressed = _solved(run, problem, "least compression under the live load")
         if pressed.forces is None:
             return None
         fixed = _with_friction_of(alone, np.maximum(pressed.forces[:, COLUMN["N"]], 0.0))
-        found = _solved(run, LimitProblem(fixed, DEFAULT_SURFACES), "friction held fixed")
+        found = _solved(run, LimitProgram(fixed, DEFAULT_SURFACES), "friction held fixed")
         if found.mechanism is None or found.load_factor is None or found.load_factor <= 0.0:
             return None
         relative = alone.statics.relative_rates(found.mechanism)
@@ -86,7 +86,7 @@ def carried_by_dilatancy(run: Run) -> Dilatancy | None:
     return None
 
 
-def _solved(run: Run, problem: LimitProblem, what: str) -> LimitState:
+def _solved(run: Run, problem: LimitProgram, what: str) -> LimitState:
     state, settings = run.try_solvers(problem.run, run.ladder or problem.ladder()[:2])
     run.note(replace(state, load_factor=None), f"{settings}, {what}")
     return state

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from cvxpy.atoms.affine.binary_operators import MulExpression
 from cvxpy.error import DCPError, DPPError, SolverError
+from cvxpy.reductions.solution import Solution
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
@@ -173,13 +174,14 @@ class OwnLimits:
         counts = zip(ends, (zero, nonneg, cones), strict=True)
         return np.concatenate([np.arange(end - count, end) for end, count in counts])
 
-    def tell(self, x: FloatArray, duals: FloatArray) -> None:
-        """Give variables and limits their values, of unknowns x of all rows and duals of these."""
+    def solution(self, x: FloatArray, duals: FloatArray) -> Solution:
+        """CVXPY's record of values of variables and limits, of unknowns x of all rows and duals of
+        these."""
         raw = SimpleNamespace(
             status="Solved", x=x[self.columns], z=self.multipliers(duals), obj_val=0.0,
             obj_val_dual=0.0, solve_time=0.0, iterations=0,
         )  # fmt: skip
-        self.problem.unpack_results(raw, self._chain, self._inverse)
+        return self._chain.invert(raw, self._inverse)
 
     def linear(
         self, internal: Mapping[int, slice], forces: sp.csr_array, factor: int, load: float
