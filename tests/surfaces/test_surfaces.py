@@ -18,6 +18,7 @@ from cvxlimit import Contacts, Load, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.model.formulations import corner_compressions, resultants
+from cvxlimit.model.door import LimitProblem
 from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.sinks import Constraints
 from cvxlimit.surfaces import (
@@ -439,7 +440,7 @@ class TestRowsWritten:
         ):
             solve(scene, [Rocking(), Slip()])
         with pytest.raises(ModelError, match="would leave the scene's cohesion out"):
-            LimitProgram(scene, [Rocking(), Slip()]).solve()
+            LimitProblem(scene, [Rocking(), Slip()]).solve()
         own = solve(scene, [Rocking(), Whole()])
         assert own.load_factor == pytest.approx(solve(scene, [Rocking(), Sliding()]).load_factor)
         dry = solve(scene.with_cohesion(0), [Rocking(), Slip()])

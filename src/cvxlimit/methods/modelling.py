@@ -10,18 +10,20 @@ from typing import Any
 import numpy as np
 from cvxpy.settings import INFEASIBLE, OPTIMAL, OPTIMAL_INACCURATE, SOLVER_ERROR, UNBOUNDED
 
+from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.limits import broken
+from cvxlimit.model.limits import smallest_conflict
 from cvxlimit.model.problem import LimitProgram
 from cvxlimit.proof.own_limits import OwnCertifier
 from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, asked_ladder
+from cvxlimit.solvers.program import check_options
 
 
 @dataclass(frozen=True)
@@ -124,11 +126,23 @@ def _better(before: Answer, found: Answer) -> Answer:
 
 
 def _without_answer(problem: LimitProgram) -> str:
-    named = broken(problem.problem, problem.limits)
+    named = [f"limit {name!r}" for name in smallest_conflict(problem.problem, problem.limits)]
     if not named:
         return "the problem has no largest value, or no forces that satisfy it"
-    what = " and ".join(f"limit {name!r}" for name in named)
-    return f"{what} cannot hold under these loads at any load factor"
+    together = " together" if len(named) > 1 else ""
+    return f"{' and '.join(named)} cannot hold{together} under these loads at any load factor"
+
+
+_CVXPYS = {
+    "gp": "the problem is convex as it stands",
+    "qcp": "the problem is convex as it stands",
+    "requires_grad": "solution.sensitivity() has derivatives, and limits their dual_value",
+    "enforce_dpp": "",
+    "ignore_dpp": "",
+    "canon_backend": "",
+}
+"""Words of ``cp.Problem.solve``, and why some can mean nothing here; the others say how CVXPY
+compiles, which has no part in the answer."""
 
 
 def solved(
@@ -136,12 +150,14 @@ def solved(
     sign: float,
 ) -> Solution:  # fmt: skip
     """See :meth:`~cvxlimit.model.door.LimitProblem.solve`; an aim is maximised ``sign`` times."""
-    ladder = asked_ladder(solver, None)
-    if options:
-        ladder = tuple(
-            replace(settings, options={**settings.options, **options})
-            for settings in ladder or problem.ladder(tolerance)[:1]
-        )
+    ladder, own = asked_ladder(solver, None), dict(options)
+    for word, only in _CVXPYS.items():
+        if own.pop(word, None) and only:
+            raise ModelError(f"solve has no {word}=True: {only}; problem.problem.solve is CVXPY's")
+    if own:
+        (settings, *_) = ladder or problem.ladder(tolerance)
+        check_options(settings, own, ("tolerance", "verbose", "warm_start", "solver", *_CVXPYS))
+        ladder = (replace(settings, options={**settings.options, **own}),)
     problem.states = []
     try:
         found, best = _solved(problem, problem.at_present(), tolerance, ladder, verbose)
