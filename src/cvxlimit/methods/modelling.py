@@ -47,7 +47,7 @@ class OneProblem(Convex):
         search = ConvexSearch(run, "full", self.tolerance, self.budget, problem)
         limits, proof, why = problem.linear_limits(), None, ""
         if isinstance(limits, str):
-            why = f"no bracket for {problem.said_own}: {limits}"
+            why = f"no bracket, since {limits}"
         else:
             proof = OwnCertifier(search.certifier, limits)
         found = None
@@ -69,8 +69,8 @@ class OneProblem(Convex):
                 break  # another solver would not prove more
         if found is None:
             return Status.SOLVER_FAILED
-        run.remarks = [why or (f"with {problem.said_own}" if run.best.bracket.has_any else
-                               f"no bracket for {problem.said_own}: {_NO_PROOF}")]  # fmt: skip
+        why = why if proof is None else proof.why_open(run.best.bracket)
+        run.remarks = [f"with {problem.said_own}", why]
         return Status.NOT_CERTIFIED
 
     def _bracketed(
@@ -114,9 +114,6 @@ def _inside(run: Run, problem: LimitProgram) -> Iterator[LimitState]:
         if state.forces is not None or state.outcome.claims_no_optimum:
             break
     yield state
-
-
-_NO_PROOF = "no state strictly inside them was found, or no mechanism that they allow"
 
 
 def _better(before: Answer, found: Answer) -> Answer:

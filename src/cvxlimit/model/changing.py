@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
+from itertools import islice
 from typing import Any, Self
 
 import cvxpy as cp
@@ -13,6 +14,9 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.model.limits import LinearLimits, OwnLimits
 from cvxlimit.model.statement import Statement
 from cvxlimit.solvers import LimitState
+
+SAID = 3
+"""Limits that a note names."""
 
 
 class Changeable(Statement):
@@ -68,7 +72,9 @@ class Changeable(Statement):
     @property
     def said_own(self) -> str:
         """What was added, for notes."""
-        names = ", ".join(map(repr, self.limits))
+        names = ", ".join(map(repr, islice(self.limits, SAID)))
+        if len(self.limits) > SAID:
+            names += f" and {len(self.limits) - SAID} more"
         parts = [f"limits {names}" if names else "", "an aim" if self.aim is not None else ""]
         return " and ".join(filter(None, parts))
 

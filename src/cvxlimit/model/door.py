@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Any
 
 import cvxpy as cp
@@ -291,3 +292,42 @@ class LimitProblem:
         )
         solution.__dict__["problem"] = self
         return solution
+
+    def at_rest(
+        self, expression: cp.Expression, factor: float = 0.0, tolerance: float = 1e-5
+    ) -> tuple[Solution, Solution]:
+        """The least and the largest value of an expression among all forces that carry the dead
+        load, each with its bracket: what a joint carries now is between them.
+
+        Parameters
+        ----------
+        expression : CVXPY expression
+            Affine in forces: ``problem.N["a-b"]``.
+        factor : float
+            So many times the live load act besides.
+        tolerance : float
+            Relative width of the brackets that is asked for.
+
+        Raises
+        ------
+        ModelError
+            For an expression that is not affine.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene
+        >>> scene = builtin_scene("single-block")
+        >>> problem = LimitProblem(scene)
+        >>> least, largest = problem.at_rest(problem.N[0])
+        >>> [round(s.load_factor / scene.total_weight, 6) for s in (least, largest)]
+        [1.0, 1.0]
+        """
+        aside = copy(self)
+        aside._stated = copy(self._stated)
+        limits = {**self._stated.limits, "load factor": (self.factor == factor,)}
+        aside._stated.change(limits, None)
+        with self._stated.untouched():
+            aside.minimise(expression)
+            least = aside.solve(tolerance=tolerance)
+            aside.maximise(expression)
+            return least, aside.solve(tolerance=tolerance)

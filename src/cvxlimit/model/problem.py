@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -277,6 +278,18 @@ class LimitProgram(Changeable):
         self.problem.unpack(Solution(status if is_known else keys.INFEASIBLE, largest, {}, {}, {}))
         if not is_known:  # CVXPY raises there, and has no word for a problem to say so
             self.problem._value, self.problem._status = None, keys.SOLVER_ERROR
+
+    @contextmanager
+    def untouched(self) -> Iterator[None]:
+        """Leaves the values of variables and duals as they are, whatever is told inside."""
+        said = self.problem.variables()
+        said += [dual for limit in self.problem.constraints for dual in limit.dual_variables]
+        before = [each.value for each in said]
+        try:
+            yield
+        finally:
+            for each, value in zip(said, before, strict=True):
+                each.save_value(value)
 
     def _solution(self, state: LimitState) -> Solution:
         """A state's values as CVXPY's record, by the ids of variables and constraints."""
