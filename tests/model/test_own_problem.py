@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import pickle
+from itertools import chain, combinations
 from typing import Any
 
 import cvxpy as cp
 import numpy as np
 import pytest
 
-from cvxlimit import Load, Scene, Status, builtin_scene, solve
+from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.masonry import single_block
+from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.masonry import single_block, stack
 from cvxlimit.model.door import LimitProblem
 from cvxlimit.solvers import blockwise, settings_for
+from exhaustive import slow
 from helpers import assert_certified
 from rows import assert_same_rows
 
@@ -23,6 +26,16 @@ MORTAR = ARCH.with_cohesion(3.0).with_strength(tensile=0.8, compressive=900.0)
 
 def with_values(scene: Scene, **values: Any) -> Scene:
     return scene._with_contacts(scene.contacts.with_values(**values))
+
+
+def anchored() -> Scene:
+    """A block on the ground, tied at its top to a wall beside it."""
+    ground = Block.box("ground", (-5, -1, -1), (5, 2, 0))
+    wall = Block.box("wall", (-4, 0, 0), (-3, 1, 2))
+    block = Block.box("block", (0, 0, 0), (1, 1, 2), density=10.0)
+    tie = Tie("wall", "block", (-3, 0.5, 2), (0, 0.5, 2), 4.0)
+    live = Load(acceleration=(1.0, 0.0, 0.0))
+    return Scene([ground, wall, block], ["ground", "wall"], live, friction=0.9, ties=(tie,))
 
 
 def random(scene: Scene, low: float, high: float) -> np.ndarray:
@@ -343,3 +356,201 @@ def test_a_printed_problem_has_names_and_no_columns_of_digits() -> None:
     assert len(text.splitlines()) < 12
     assert "equilibrium: A @ Hstack(n, V1, V2, MT)" in text
     assert "var" not in text
+
+
+class TestValuesAfterASolve:
+    """All that CVXPY shows is of the answer handed back. Figures of the arch are an own program's,
+    to the digits given."""
+
+    def values(self, problem: LimitProblem, solution: Any) -> None:
+        forces = np.stack([getattr(problem, name).value for name in COLUMN], axis=1)
+        size = np.abs(forces).max()
+        np.testing.assert_allclose(forces, solution.forces, atol=1e-9 * size)
+        assert problem.problem.value == pytest.approx(problem.problem.objective.value)
+        assert problem.value == pytest.approx(solution.load_factor, rel=1e-6)
+        for limits in problem.constraints.values():
+            for limit in limits:
+                assert limit.dual_value is not None
+                assert np.max(limit.violation()) <= 1e-6 * max(1.0, size)
+
+    def test_without_a_limit(self) -> None:
+        problem = LimitProblem(ARCH)
+        solution = problem.solve()
+        self.values(problem, solution)
+        assert problem.status == problem.problem.status == cp.OPTIMAL
+        before = problem.value, problem.constraints["equilibrium"][0].dual_value.copy()
+        problem.problem.solve("CLARABEL")  # CVXPY's own says the same, duals too
+        assert problem.value == pytest.approx(before[0], rel=1e-6)
+        duals = problem.constraints["equilibrium"][0].dual_value
+        np.testing.assert_allclose(before[1], duals, atol=1e-4 * np.abs(duals).max())
+
+    def test_a_limit_that_the_state_inside_keeps_otherwise(self) -> None:
+        problem = LimitProblem(ARCH)
+        limit = problem.add("thrust", problem.V1[3] >= 0.03)
+        self.values(problem, problem.solve())
+        assert problem.factor.value == pytest.approx(0.093299, abs=1e-6)
+        assert limit.dual_value == pytest.approx(0.99359, abs=1e-5)
+
+    @pytest.mark.parametrize(("kind", "most"), [("equation", 1.337451), ("factor", 1.380983)])
+    def test_an_aim(self, kind: str, most: float) -> None:
+        problem = LimitProblem(ARCH)
+        problem.add("load", problem.factor == 0.1)
+        given = problem.V1[3] == 0.01 if kind == "equation" else problem.factor <= 0.1
+        problem.add("given", given)
+        problem.maximise(problem.N[0])
+        solution = problem.solve()
+        assert solution.load_factor == pytest.approx(most, abs=1e-6)
+        self.values(problem, solution)
+        assert problem.factor.value == pytest.approx(0.1, rel=1e-9)
+        assert (solution.status is Status.CERTIFIED) == (kind == "factor")
+
+    def test_an_aim_that_is_least(self) -> None:
+        """Each of both words; value and bracket are the expression's."""
+        for least in ("minimise", "minimize"):
+            problem = LimitProblem(single_block())
+            problem.add("load", problem.factor == 0.0)
+            getattr(problem, least)(3.0 * problem.N[0] + 1.0)
+            solution, weight = problem.solve(), single_block().total_weight
+            assert_certified(solution)
+            assert solution.load_factor == pytest.approx(3.0 * weight + 1.0)
+            assert problem.value == pytest.approx(3.0 * weight + 1.0)
+        assert LimitProblem.maximize is LimitProblem.maximise
+
+    @pytest.mark.parametrize("push", [0.001, 0.5, 1.0, 2.0, 3000.0])
+    def test_duals_whatever_the_live_load(self, push: float) -> None:
+        """The load factor grows by one with its limit, by 1 / (push x weight) with a joint's."""
+        scene = single_block(live=Load(acceleration=(push, 0.0, 0.0)))
+        problem, weight = LimitProblem(scene), scene.total_weight
+        limit = problem.add("service", problem.factor <= 0.1 / push)
+        problem.solve()
+        assert limit.dual_value == pytest.approx(1.0, rel=1e-6)
+        problem.remove("service")
+        limit = problem.add("joint", problem.V1[0] >= -0.1 * weight)
+        problem.solve()
+        assert limit.dual_value == pytest.approx(1.0 / (push * weight), rel=1e-6)
+        found = float(limit.dual_value)
+        problem.problem.solve("CLARABEL")
+        assert limit.dual_value == pytest.approx(found, rel=1e-4)
+
+    def test_where_there_is_no_answer(self) -> None:
+        problem = LimitProblem(ARCH)
+        problem.solve()
+        limit = problem.add("none", problem.N[0] <= -1.0)
+        problem.solve()
+        assert (problem.status, problem.value) == (cp.INFEASIBLE, -np.inf)
+        assert problem.N.value is limit.dual_value is None
+        harmless = LimitProblem(single_block(live=Load(acceleration=(0.0, 0.0, -1.0))))
+        harmless.solve()
+        assert (harmless.status, harmless.value) == (cp.UNBOUNDED, np.inf)
+
+    def test_sure_of_what_was_added(self) -> None:
+        problem = LimitProblem(ARCH)
+        both = problem.add("joint", problem.V1[3] <= 0.05, problem.V1[3] >= -0.05)
+        assert problem.constraints["joint"] == both
+        assert problem.add("other", factor := problem.factor <= 9.0) is factor
+
+    def test_what_joints_carry_at_rest(self) -> None:
+        """A pile of blocks: what stands above, whatever was solved before, which stays as it is."""
+        scene = stack(4)
+        problem = LimitProblem(scene)
+        solution = problem.solve()
+        above = [
+            sum(scene.blocks[i].weight for i in scene.free[j:]) for j in range(len(scene.free))
+        ]
+        for name, weight in zip(scene.contacts.names, above, strict=True):
+            for found in problem.at_rest(problem.N[name]):
+                assert_certified(found)
+                assert found.load_factor == pytest.approx(weight, rel=1e-6)
+        self.values(problem, solution)
+
+
+class TestWordsOfCvxpy:
+    def test_those_it_has(self) -> None:
+        problem = LimitProblem(ARCH)
+        first = problem.solve("CLARABEL", warm_start=False, verbose=False, gp=False, max_iter=200)
+        again = problem.solve(solver="CLARABEL", warm_start=True, ignore_dpp=True)
+        assert first.load_factor == pytest.approx(again.load_factor, rel=1e-6)
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"max_itr": 3}, "has no option 'max_itr': did you mean 'max_iter'?"),
+            ({"warm_strat": True}, "did you mean 'warm_start'?"),
+            ({"foo": 3}, "has no option 'foo': its options are .*max_iter"),
+            ({"max_iter": "many"}, "does not take max_iter='many'"),
+            ({"solver": "SCS", "foo": 3}, "SCS does not take foo=3"),
+            ({"solver": "QOCO", "max_itr": 3}, "did you mean 'max_iters'?"),
+        ],
+    )
+    def test_those_that_nobody_knows(self, options: dict[str, Any], message: str) -> None:
+        with pytest.raises(TypeError, match=message):
+            LimitProblem(ARCH).solve(**options)
+
+    def test_those_that_mean_nothing(self) -> None:
+        with pytest.raises(ModelError, match="no requires_grad=True: .*sensitivity"):
+            LimitProblem(ARCH).solve(requires_grad=True)
+
+    @pytest.mark.parametrize("what", ["friction", "cohesion", "live", "weights"])
+    def test_variables_are_none_of_its_numbers(self, what: str) -> None:
+        with pytest.raises(ModelError, match=f"{what} must be known, got Variable 'open'"):
+            LimitProblem(ARCH, **{what: cp.Variable(3 if what == "live" else (), name="open")})
+
+
+STRENGTHS = {
+    "friction": 0.6, "cohesion": 30.0, "tensile_strength": 2.0, "compressive_strength": 400.0
+}  # fmt: skip
+
+
+def test_mortar_as_a_parameter_where_no_stone_crushes() -> None:
+    """Closed: 0.4 (1 + 2 x 0.16 / 3.2), tension in all of the joint about the toe."""
+    tension = cp.Parameter(value=2.0)
+    scene = builtin_scene("single-block").with_cohesion(5.0)
+    solution = LimitProblem(scene, tensile_strength=tension).solve()
+    assert_certified(solution)
+    assert solution.load_factor == pytest.approx(0.44, rel=1e-6)
+
+
+def _mixtures() -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
+    """Strengths that are given, and those of them that are Parameters."""
+    found = []
+    for given in chain.from_iterable(combinations(STRENGTHS, k) for k in range(1, 5)):
+        if "tensile_strength" in given and "cohesion" not in given:
+            continue  # beyond Mohr-Coulomb's cone
+        found += [(given, p) for k in range(1, len(given) + 1) for p in combinations(given, k)]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("kind", "every"),
+    [("tie", 9), *(slow(kind, 1) for kind in ("block", "tie", "arch", "some crush"))],
+)
+def test_numbers_and_parameters_agree_in_all_mixtures(kind: str, every: int) -> None:
+    """Strengths with each other and with loads, one for all or one each; also where ties, which
+    always crush, stand beside joints that do not."""
+    scene = {"arch": ARCH, "some crush": ARCH}.get(kind, single_block())
+    if kind == "tie":
+        scene = anchored()
+    n = len(scene.contacts)
+    if kind == "some crush":
+        strong = np.where(np.arange(n) % 3 > 0, np.inf, 400.0)
+        scene = with_values(scene, compressive_strength=strong)
+    push = scene.live_forces
+    for i, (given, symbols) in enumerate(_mixtures()[::every]):
+        if kind == "some crush" and "compressive_strength" in given:
+            continue
+        numbers: dict[str, Any] = {name: STRENGTHS[name] for name in given}
+        if i % 2:
+            numbers["live"] = 1.5 * push
+        mixed = {
+            k: cp.Parameter(np.shape(v), value=v) if k in symbols or k == "live" else v
+            for k, v in numbers.items()
+        }
+        by_number, by_parameter = (LimitProblem(scene, **g).solve() for g in (numbers, mixed))
+        assert by_number.status is by_parameter.status is Status.CERTIFIED, (given, symbols)
+        assert by_parameter.lower <= by_number.upper * (1.0 + 1e-12)
+        assert by_number.lower <= by_parameter.upper * (1.0 + 1e-12)
+
+
+def test_a_strength_that_never_ends_is_no_parameter() -> None:
+    with pytest.raises(ModelError, match="compressive_strength as a Parameter must be finite"):
+        LimitProblem(ARCH, compressive_strength=cp.Parameter(value=np.inf)).solve()

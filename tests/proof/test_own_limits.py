@@ -181,6 +181,66 @@ def test_aims(seed: int) -> None:
     assert found.quantity == "value of the aim"
 
 
+def component_values(problem: LimitProblem) -> np.ndarray:
+    return np.stack([getattr(problem, name).value for name in COMPONENTS], axis=1)
+
+
+@pytest.mark.parametrize("seed", mostly_slow(range(100), range(3)))
+def test_values_and_duals_are_those_of_the_answer(seed: int) -> None:
+    """In units of force and with a live load drawn at random: after a solve CVXPY's values carry
+    the loads and keep the limits, the objective is what they say, and no other right-hand sides
+    give more than the duals allow, which a wrong dual would either way."""
+    random = np.random.default_rng(2000 + seed)
+    scene, forces, collapse = pushed(seed)
+    unit, push = 10.0 ** random.uniform(-3, 3, size=2)
+    weights = unit * np.array([scene.blocks[i].weight for i in scene.free])
+    live = scene.live_forces * unit * push
+    problem = LimitProblem(scene, weights=weights, live=live)
+    row, of_factor = drawn(scene, random, forces, collapse)
+    is_aim, size = seed % 3 == 0, unit * scene.total_weight
+    load = cp.Parameter(value=0.5 * collapse / push)
+    if is_aim:  # the most of some sum of forces under half of the load, and with one force kept
+        equation = problem.add("load", problem.factor == load)
+        problem.maximise(stated(problem, row))
+        kept = problem.N[int(np.argmax(np.abs(forces[:, 2])))]
+        most = cp.Parameter(value=1.2 * unit * float(np.abs(forces[:, 2]).max()))
+        limits = [equation, problem.add("own", kept <= most)]
+        rights, scales = [load, most], [load.value, size]
+    else:
+        free = problem.solve()
+        values = component_values(problem).ravel()
+        most = cp.Parameter(value=float(row @ values) - 0.02 * size * float(random.uniform()))
+        limits = [problem.add("own", stated(problem, row) <= most)]
+        rights, scales = [most], [size]
+        assert free.status is Status.CERTIFIED
+    found = problem.solve()
+    if found.load_factor is None:  # none fulfils it
+        assert problem.value == -np.inf
+        return
+    x, alpha = component_values(problem).ravel(), float(problem.factor.value)
+    statics = Certifier(problem._stated.at_present(), problem._stated.surfaces).statics
+    residual = statics.matrix @ x + statics.dead + alpha * statics.live
+    assert np.abs(residual).max() <= 1e-7 * np.abs(statics.dead).sum()
+    np.testing.assert_allclose(x, found.forces.ravel(), atol=1e-9 * np.abs(x).max())
+    aim = float(row @ x) if is_aim else alpha
+    span = np.abs(row) @ np.abs(x) if is_aim else collapse / push
+    assert problem.value == pytest.approx(aim, abs=1e-9 * span)
+    assert found.load_factor == pytest.approx(aim, abs=1e-6 * span)
+    assert all(limit.violation() <= 1e-6 * s for limit, s in zip(limits, scales, strict=True))
+    duals = [float(limit.dual_value) for limit in limits]
+    if found.status is not Status.CERTIFIED:
+        return
+    at = [right.value for right in rights]
+    for share in (1e-2, -1e-2, 1e-1, -1e-1):
+        steps = share * np.array(scales) * random.uniform(size=len(scales))
+        for right, value, step in zip(rights, at, steps, strict=True):
+            right.value = value + step
+        other = problem.solve()
+        if other.load_factor is not None and other.status is Status.CERTIFIED:
+            allowed = found.upper + float(np.dot(duals, steps))
+            assert other.lower <= allowed + 1e-5 * span
+
+
 class TestWithoutBracket:
     """It still solves, and says why nothing is proved."""
 
@@ -199,6 +259,59 @@ class TestWithoutBracket:
         problem, free = self.problem(), cp.Variable(name="slack")
         problem.add("soft", problem.N[0] <= 5.0 + free, free <= 1.0)
         assert "'slack'" in problem.solve().note
+
+    def test_no_room_is_told(self) -> None:
+        """Friction held at its limit: forces on the edge of strength alone, at mu = 0.3."""
+        problem = LimitProblem(builtin_scene("single-block"), friction=0.3)
+        problem.add("slides", problem.V1[0] <= -0.3 * problem.N[0])
+        found = problem.solve()
+        assert found.load_factor == pytest.approx(0.3, rel=1e-6)
+        assert found.upper == pytest.approx(0.3, rel=1e-5)
+        assert found.lower == -np.inf
+        assert "no lower bound, since no forces were found strictly inside" in found.note
+
+    def test_equations_between_forces(self) -> None:
+        problem = LimitProblem(builtin_scene("arch"))
+        problem.add("alike", problem.N[0] == problem.N[20])
+        assert "no lower bound, since forces miss the equation 'alike'" in problem.solve().note
+
+    def test_an_aim_under_a_free_load_factor(self) -> None:
+        problem = self.problem()
+        problem.maximise(problem.N[0] + problem.factor)
+        assert "no upper bound, since no equation gives the load factor" in problem.solve().note
+
+    def test_two_that_cannot_hold_together_are_named(self) -> None:
+        problem = LimitProblem(builtin_scene("arch"))
+        problem.add("fair", problem.N[3] >= 0.1)
+        problem.add("service", problem.factor == 0.1)
+        problem.add("pair", problem.N[20] - problem.N[0] == 0.05)
+        note = problem.solve().note
+        assert "limit 'service' and limit 'pair' cannot hold together" in note
+        assert "fair" not in note
+        problem.remove("service")
+        assert problem.solve().load_factor is not None
+
+    def test_three_of_which_any_two_can_hold(self) -> None:
+        """A load factor in three steps, none of which is too much alone; and one beside, which is
+        no part of it."""
+        problem = LimitProblem(builtin_scene("single-block"))
+        a, b = cp.Variable(name="a"), cp.Variable(name="b")
+        problem.add("first", problem.factor >= a)
+        problem.add("second", a >= b + 0.25)
+        problem.add("beside", b <= 7.0)
+        problem.add("third", b >= 0.25)
+        note = problem.solve().note
+        assert "limit 'first' and limit 'second' and limit 'third' cannot hold together" in note
+
+    def test_a_limit_on_corners_beside_huge_rows(self) -> None:
+        """It is on more than contact forces however large the numbers of another limit are."""
+        problem = LimitProblem(builtin_scene("arch"))
+        (corner,) = (v for v in problem.problem.variables() if v.name() == "n")
+        problem.add("huge", 1e12 * problem.N[0] <= 1e14)
+        problem.add("corner", corner[3] <= 0.01)
+        found = problem.solve()
+        assert not found.bracket.has_any
+        assert "'corner' is on more than the forces of contacts" in found.note
 
     def test_limits_that_cannot_hold_are_named(self) -> None:
         problem = self.problem()

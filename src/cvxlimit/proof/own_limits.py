@@ -246,6 +246,11 @@ class OwnCertifier:
             upper = self.upper(mechanism, multipliers)
         if x is not None and alpha is not None and reserve is not None:
             lower = self.lower(x, alpha, *reserve, mechanism, multipliers)
-        least = self.certifier.assemblage.scaling.least
+        scaling = self.certifier.assemblage.scaling
+        least = scaling.least
+        if self.has_aim:  # in its own units: that of the largest force it counts
+            sizes = np.abs(self.of_forces).reshape(-1, DOF) * np.repeat([1.0, scaling.length], 3)
+            size = float(sizes.max()) * scaling.force / scaling.ratio + abs(self.of_factor)
+            least *= size
         proofs = bool(np.isfinite(lower)), bool(np.isfinite(upper))
         return Bracket(lower, upper, *proofs, least)
