@@ -487,7 +487,7 @@ class TestWordsOfCvxpy:
             LimitProblem(ARCH).solve(**options)
 
     def test_those_that_mean_nothing(self) -> None:
-        with pytest.raises(ModelError, match="no requires_grad=True: .*sensitivity"):
+        with pytest.raises(ModelError, match=r"no requires_grad=True: .*sensitivity"):
             LimitProblem(ARCH).solve(requires_grad=True)
 
     @pytest.mark.parametrize("what", ["friction", "cohesion", "live", "weights"])
