@@ -82,7 +82,7 @@ class OneProblem(Convex):
     ) -> Answer:
         value = state.load_factor if problem.aim is None else problem.tell(state)
         if proof is None:
-            return Answer(value, Bracket(), state.forces, state.mechanism)
+            return Answer(value, Bracket(), state.forces, None)
         mechanism, multipliers = state.mechanism, state.own.get("multipliers")
         certifier, factor = search.certifier, state.load_factor
         forces, reserve = certifier.given(state), certifier.witnesses.dead_state

@@ -10,9 +10,7 @@ import cvxpy as cp
 
 from cvxlimit.base.attached import attached
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.limits import ContactForces
 from cvxlimit.model.problem import LimitProgram
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -20,13 +18,6 @@ from cvxlimit.solvers import SolverSettings
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
-
-
-def _component(name: str) -> property:
-    def component(problem: LimitProblem) -> ContactForces:
-        return problem._stated.forces[name]
-
-    return property(component)
 
 
 class LimitProblem:
@@ -58,8 +49,7 @@ class LimitProblem:
     Attributes
     ----------
     V1, V2, N, M1, M2, MT : CVXPY expressions (n,)
-        Shear along t1 and t2, compression, moments about t1 and t2, and torsion of all contacts, in
-        the user's units; ``N["a-b"]`` is of one.
+        Forces of all contacts in the user's units; ``N["a-b"]`` is of one.
 
     Example
     -------
@@ -112,7 +102,12 @@ class LimitProblem:
 
     # What CVXPY shows
 
-    V1, V2, N, M1, M2, MT = map(_component, COMPONENTS)
+    V1 = property(lambda self: self._stated.forces["V1"], doc="Shear (n,) along t1, by contact.")
+    V2 = property(lambda self: self._stated.forces["V2"], doc="Shear (n,) along t2, by contact.")
+    N = property(lambda self: self._stated.forces["N"], doc="Compression (n,) by contact.")
+    M1 = property(lambda self: self._stated.forces["M1"], doc="Moment (n,) about t1, by contact.")
+    M2 = property(lambda self: self._stated.forces["M2"], doc="Moment (n,) about t2, by contact.")
+    MT = property(lambda self: self._stated.forces["MT"], doc="Torsion (n,) by contact.")
 
     @property
     def factor(self) -> cp.Expression:
