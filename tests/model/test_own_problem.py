@@ -414,6 +414,10 @@ class TestValuesAfterASolve:
             assert_certified(solution)
             assert solution.load_factor == pytest.approx(3.0 * weight + 1.0)
             assert problem.value == pytest.approx(3.0 * weight + 1.0)
+            assert problem.problem.objective.value == pytest.approx(3.0 * weight + 1.0)
+            problem.add("none", problem.N[0] <= 0.0)
+            problem.solve()
+            assert problem.value == np.inf
         assert LimitProblem.maximize is LimitProblem.maximise
 
     @pytest.mark.parametrize("push", [0.001, 0.5, 1.0, 2.0, 3000.0])
@@ -462,6 +466,11 @@ class TestValuesAfterASolve:
                 assert_certified(found)
                 assert found.load_factor == pytest.approx(weight, rel=1e-6)
         self.values(problem, solution)
+        heavy = [1e6 * scene.blocks[i].weight for i in scene.free]
+        in_newton = LimitProblem(scene, weights=heavy)
+        for found in in_newton.at_rest(in_newton.M1[0]):
+            assert found.status is Status.CERTIFIED
+            assert found.lower <= 0.0 <= found.upper  # they stand centred
 
 
 class TestWordsOfCvxpy:

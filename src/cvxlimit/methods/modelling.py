@@ -80,7 +80,7 @@ class OneProblem(Convex):
         proof: OwnCertifier | None,
         state: LimitState,
     ) -> Answer:
-        value = state.load_factor if problem.aim is None else problem.tell(state)
+        value = state.load_factor if problem.aim is None else problem.sense * problem.tell(state)
         if proof is None:
             return Answer(value, Bracket(), state.forces, None)
         mechanism, multipliers = state.mechanism, state.own.get("multipliers")
@@ -143,10 +143,9 @@ compiles, which has no part in the answer."""
 
 
 def solved(
-    problem: LimitProgram, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any],
-    sign: float,
-) -> Solution:  # fmt: skip
-    """See :meth:`~cvxlimit.model.door.LimitProblem.solve`; an aim is maximised ``sign`` times."""
+    problem: LimitProgram, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
+) -> Solution:
+    """See :meth:`~cvxlimit.model.door.LimitProblem.solve`."""
     ladder, own = asked_ladder(solver, None), dict(options)
     for word, only in _CVXPYS.items():
         if own.pop(word, None) and only:
@@ -161,7 +160,7 @@ def solved(
         _tell(problem, found, best)
     finally:
         problem.states = None
-    if sign < 0.0:
+    if problem.sense < 0.0:
         low, high = found.bracket.upper, found.bracket.lower
         proofs = found.bracket.upper_is_proved, found.bracket.lower_is_proved
         bracket = Bracket(-low, -high, *proofs, found.bracket.least)
@@ -189,9 +188,12 @@ def _tell(problem: LimitProgram, found: Solution, best: Answer) -> None:
     problem.tell_none(ends.get(found.status, "") or (claims or [SOLVER_ERROR])[-1])
 
 
-def solved_at(problem: LimitProgram, given: Assemblage, tolerance: float = TOLERANCE) -> Solution:
+def solved_at(
+    problem: LimitProgram, given: Assemblage, tolerance: float = TOLERANCE,
+    ladder: Sequence[SolverSettings] | None = None,
+) -> Solution:  # fmt: skip
     """The solution where the Parameters' present values are those of the mechanics ``given``."""
-    return _solved(problem, given, tolerance)[0]
+    return _solved(problem, given, tolerance, ladder)[0]
 
 
 def _solved(

@@ -27,6 +27,7 @@ class Changeable(Statement):
         super().__init__(*stated)
         self.limits: dict[str, tuple[cp.Constraint, ...]] = {}
         self.aim: cp.Expression | None = None
+        self.sense = 1.0  # of the aim: -1 for one that is minimised
         self._kept: dict[str, Any] = {}  # by solvers, for the next run
         self._values_before: FloatArray | None = None  # of coefficients, in the run before
         self.within: LimitState | None = None  # the limits, in a solve before
@@ -80,13 +81,18 @@ class Changeable(Statement):
 
     @cached_property
     def _own(self) -> OwnLimits | None:
-        return OwnLimits(self.limits, self.aim) if self.has_own else None
+        aim = None if self.aim is None else self.sense * self.aim
+        return OwnLimits(self.limits, aim) if self.has_own else None
 
     def change(
-        self, limits: dict[str, tuple[cp.Constraint, ...]], aim: cp.Expression | None
+        self,
+        limits: dict[str, tuple[cp.Constraint, ...]],
+        aim: cp.Expression | None,
+        sense: float = 1.0,
     ) -> None:
-        """Other limits, by name, and another aim, None for the load factor."""
-        self.limits, self.aim = limits, aim
+        """Other limits, by name, and another aim, None for the load factor; it is maximised, or
+        minimised where ``sense`` is -1."""
+        self.limits, self.aim, self.sense = limits, aim, sense
         for name in ("problem", "_in_rows", "_own", "_shared", "shape", "_inside"):
             self.__dict__.pop(name, None)
         self.forget()

@@ -79,7 +79,6 @@ class LimitProblem:
             compressive_strength=compressive_strength, tensile_strength=tensile_strength,
             weights=weights, formulation=formulation,
         )  # fmt: skip
-        self._sign = 1.0  # of the aim, which is maximised
 
     def __repr__(self) -> str:
         stated, scene = self._stated, self._stated.assemblage.scene
@@ -136,8 +135,7 @@ class LimitProblem:
     def value(self) -> float | None:
         """The load factor, or the value of the aim, of the last solve; as CVXPY has it, None before
         the first, and infinite where there is no largest value or nothing satisfies the limits."""
-        value = self.problem.value
-        return None if value is None else self._sign * float(value)
+        return None if self.problem.value is None else float(self.problem.value)
 
     @property
     def status(self) -> str | None:
@@ -177,7 +175,7 @@ class LimitProblem:
                 )
             if not limit.is_dcp():
                 raise ModelError(f"limit {name!r} is not convex by CVXPY's rules (DCP): {limit}")
-        self._stated.change({**self._stated.limits, name: limits}, self._stated.aim)
+        self._change({**self._stated.limits, name: limits})
         return limits[0] if len(limits) == 1 else list(limits)
 
     def remove(self, name: str) -> None:
@@ -193,7 +191,10 @@ class LimitProblem:
             names = ", ".join(map(repr, own)) or "none"
             raise ModelError(f"there is no added limit {name!r}: there are {names}")
         del own[name]
-        self._stated.change(own, self._stated.aim)
+        self._change(own)
+
+    def _change(self, limits: dict[str, tuple[cp.Constraint, ...]]) -> None:
+        self._stated.change(limits, self._stated.aim, self._stated.sense)
 
     def maximise(self, expression: cp.Expression | float | None) -> None:
         """Maximise a concave expression in place of the load factor; None goes back to that. Fix
@@ -219,13 +220,12 @@ class LimitProblem:
 
     maximize, minimize = maximise, minimise
 
-    def _aim_at(self, expression: cp.Expression | float | None, sign: float) -> None:
-        aim = None if expression is None else cp.Constant(0.0) + sign * expression
-        if aim is not None and not (aim.is_scalar() and aim.is_concave()):
-            which = "concave can be maximised" if sign > 0.0 else "convex can be minimised"
+    def _aim_at(self, expression: cp.Expression | float | None, sense: float) -> None:
+        aim = None if expression is None else cp.Constant(0.0) + expression
+        if aim is not None and not (aim.is_scalar() and (sense * aim).is_concave()):
+            which = "concave can be maximised" if sense > 0.0 else "convex can be minimised"
             raise ModelError(f"only one number that is {which}, got {expression}")
-        self._sign = 1.0 if aim is None else sign
-        self._stated.change(self._stated.limits, aim)
+        self._stated.change(self._stated.limits, aim, 1.0 if aim is None else sense)
 
     # What is found
 
@@ -283,7 +283,7 @@ class LimitProblem:
         if not warm_start:
             self._stated.forget()
         solution: Solution = attached("problem_solve")(
-            self._stated, solver, tolerance, verbose, options, self._sign
+            self._stated, solver, tolerance, verbose, options
         )
         solution.__dict__["problem"] = self
         return solution

@@ -159,8 +159,11 @@ class LimitProgram(Changeable):
         for into.label, limits in self.limits.items():
             for limit in limits:
                 into.keep(limit)
+        if self.aim is not None:
+            wanted = cp.Maximize if self.sense > 0.0 else cp.Minimize
+            return cp.Problem(wanted(self.aim), into.all)
         goal = self.factor if self.goal == LARGEST_FACTOR else goal
-        return cp.Problem(cp.Maximize(goal if self.aim is None else self.aim), into.all)
+        return cp.Problem(cp.Maximize(goal), into.all)
 
     @property
     def program(self) -> ConeProgram:
@@ -264,7 +267,7 @@ class LimitProgram(Changeable):
 
     def tell(self, primal: LimitState, dual: LimitState | None = None, status: str = "") -> float:
         """Give every variable, dual and the problem in CVXPY the values of an answer: forces of one
-        state, duals of it or of another; returns what is maximised."""
+        state, duals of it or of another; returns the objective's."""
         found = self._solution(primal)
         duals = found if dual is None or dual.values is None else self._solution(dual)
         status = status or primal.outcome.status
@@ -274,8 +277,9 @@ class LimitProgram(Changeable):
 
     def tell_none(self, status: str) -> None:
         """As :meth:`tell` where there is no answer: as CVXPY does for that ``status``."""
-        is_known, largest = status in keys.INF_OR_UNB, np.inf if "unbounded" in status else -np.inf
-        self.problem.unpack(Solution(status if is_known else keys.INFEASIBLE, largest, {}, {}, {}))
+        is_known = status in keys.INF_OR_UNB
+        value = self.sense * (np.inf if "unbounded" in status else -np.inf)
+        self.problem.unpack(Solution(status if is_known else keys.INFEASIBLE, value, {}, {}, {}))
         if not is_known:  # CVXPY raises there, and has no word for a problem to say so
             self.problem._value, self.problem._status = None, keys.SOLVER_ERROR
 
