@@ -47,7 +47,7 @@ class OneProblem(Convex):
         search = ConvexSearch(run, "full", self.tolerance, self.budget, problem)
         limits, proof, why = problem.linear_limits(), None, ""
         if isinstance(limits, str):
-            why = f"no bracket, since {limits}"
+            why = f"no bracket: {limits}"
         else:
             proof = OwnCertifier(search.certifier, limits)
         found = None

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import reprlib
 from copy import copy
 from functools import cached_property
-from itertools import islice
 from typing import Any, Self
 
 import cvxpy as cp
@@ -14,9 +14,6 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.model.limits import LinearLimits, OwnLimits
 from cvxlimit.model.statement import Statement
 from cvxlimit.solvers import LimitState
-
-SAID = 3
-"""Limits that a note names."""
 
 
 class Changeable(Statement):
@@ -53,11 +50,6 @@ class Changeable(Statement):
         """True if limits were added, or something else is maximised."""
         return bool(self.limits) or self.aim is not None
 
-    def _kept_for_values(self, state: LimitState) -> LimitState:
-        if self.states is not None:
-            self.states.append(state)
-        return state
-
     def inside(self) -> Self:
         """The same limits without an aim: an interior-point solver ends well inside them."""
         return self._inside
@@ -73,9 +65,7 @@ class Changeable(Statement):
     @property
     def said_own(self) -> str:
         """What was added, for notes."""
-        names = ", ".join(map(repr, islice(self.limits, SAID)))
-        if len(self.limits) > SAID:
-            names += f" and {len(self.limits) - SAID} more"
+        names = reprlib.repr(list(self.limits))[1:-1]
         parts = [f"limits {names}" if names else "", "an aim" if self.aim is not None else ""]
         return " and ".join(filter(None, parts))
 

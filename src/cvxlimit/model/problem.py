@@ -225,8 +225,13 @@ class LimitProgram(Changeable):
             has_rows = settings.name != "CLARABEL" or settings.label == ""
         has_rows = has_rows and not getattr(self.goal, "is_quadratic", False)
         has_rows = has_rows and (self._own is None or self._own.has_rows)
-        if not settings.row.takes_matrices or not has_rows:
-            return self._run_by_cvxpy(settings)
+        is_direct = has_rows and settings.row.takes_matrices
+        state = self._run_rows(settings) if is_direct else self._run_by_cvxpy(settings)
+        if self.states is not None:
+            self.states.append(state)
+        return state
+
+    def _run_rows(self, settings: SolverSettings) -> LimitState:
         # the rows at the present values, and what solves of the same structure keep
         values, program, kept = None, self._shared, self._kept
         if program is None:
@@ -242,20 +247,20 @@ class LimitProgram(Changeable):
         if self._own is not None and x is not None and y is not None:
             multipliers = self._gain * self._own.multipliers(y[self._own.places(program)])
             state = replace(state, own={**state.own, "multipliers": multipliers})
-        return self._kept_for_values(replace(state, values=None if x is None else (x, y)))
+        return replace(state, values=None if x is None else (x, y))
 
     def _run_by_cvxpy(self, settings: SolverSettings) -> LimitState:
         size = sum(parameter.size for parameter in self.problem.parameters())
         outcome = run(self.problem, settings, ignore_dpp=size > DPP_LIMIT)
         stated, _ = self._in_cvxpy
         if not outcome.has_values or stated.factor.value is None:
-            return self._kept_for_values(LimitState(outcome, None, None, None))
+            return LimitState(outcome, None, None, None)
         equations = self.constraints["equilibrium"][0].dual_value
         internal = np.concatenate([np.asarray(form.value).ravel() for form in stated.internal])
         own = {name: np.asarray(form.value).ravel() for name, form in stated.own.items()}
         duals = None if equations is None else equations / self._gain
         state = self._state(outcome, internal, float(stated.factor.value), duals, own)
-        return self._kept_for_values(replace(state, values=self.problem.solution))
+        return replace(state, values=self.problem.solution)
 
     # What CVXPY's variables, duals and problem say
 
