@@ -391,6 +391,18 @@ class TestValuesAfterASolve:
         assert problem.factor.value == pytest.approx(0.093299, abs=1e-6)
         assert limit.dual_value == pytest.approx(0.99359, abs=1e-5)
 
+    @pytest.mark.parametrize("solver", ["CLARABEL", "RESCALED", "HIGHS"])
+    def test_whoever_solves_it(self, solver: str) -> None:
+        """HiGHS is run by CVXPY; its values and multipliers are the same, and prove as much."""
+        problem = LimitProblem(ARCH, "octagon")
+        limit = problem.add("weak joint", problem.V1[3] >= -0.05)
+        solution = problem.solve(solver)
+        assert_certified(solution)
+        self.values(problem, solution)
+        found = float(limit.dual_value)
+        problem.problem.solve("CLARABEL")
+        assert limit.dual_value == pytest.approx(found, rel=1e-5)
+
     @pytest.mark.parametrize(("kind", "most"), [("equation", 1.337451), ("factor", 1.380983)])
     def test_an_aim(self, kind: str, most: float) -> None:
         problem = LimitProblem(ARCH)

@@ -149,7 +149,8 @@ class LimitProblem:
         in the user's units; variables and Parameters of one's own may stand in them.
 
         Returns the limit, or a list of several, whose ``dual_value`` a solve gives: what the load
-        factor, or the aim, gains per unit of the limit's right-hand side.
+        factor, or the aim, gains per unit of slack; of an equation, per unit of its right-hand
+        side (what is minimised falls by that).
 
         Raises
         ------

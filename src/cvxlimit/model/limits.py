@@ -251,6 +251,13 @@ class OwnLimits:
         signs = np.where(np.arange(len(duals)) < self.dims.zero, -1.0, 1.0)  # equations: A x = b
         return signs * duals / self.unit
 
+    def of_cvxpy(self, duals: Mapping[int, Any]) -> FloatArray | None:
+        """The multipliers of linear limits, of CVXPY's duals by the limits' ids."""
+        stated = self._compiled.constraints if self.has_rows else []
+        if not stated or not all(each.id in duals for each in stated):
+            return None
+        return np.concatenate([np.ravel(duals[each.id], order="F") for each in stated])
+
     def _labels(self) -> list[str]:
         """Label of every row."""
         pairs = zip(self.problem.constraints, self.names, strict=True)

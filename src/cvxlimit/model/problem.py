@@ -259,8 +259,11 @@ class LimitProgram(Changeable):
         internal = np.concatenate([np.asarray(form.value).ravel() for form in stated.internal])
         own = {name: np.asarray(form.value).ravel() for name, form in stated.own.items()}
         duals = None if equations is None else equations / self._gain
+        values = self.problem.solution
+        found = None if self._own is None else self._own.of_cvxpy(values.dual_vars)
+        own |= {} if found is None else {"multipliers": found}
         state = self._state(outcome, internal, float(stated.factor.value), duals, own)
-        return replace(state, values=self.problem.solution)
+        return replace(state, values=values)
 
     # What CVXPY's variables, duals and problem say
 
