@@ -495,12 +495,15 @@ class TestWordsOfCvxpy:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            ({"max_itr": 3}, "has no option 'max_itr': did you mean 'max_iter'?"),
+            (
+                {"solver": "CLARABEL", "max_itr": 3},
+                "has no option 'max_itr': did you mean 'max_iter'?",
+            ),
             ({"warm_strat": True}, "did you mean 'warm_start'?"),
             ({"foo": 3}, "has no option 'foo': its options are .*max_iter"),
             ({"max_iter": "many"}, "does not take max_iter='many'"),
             ({"solver": "SCS", "foo": 3}, "SCS does not take foo=3"),
-            ({"solver": "QOCO", "max_itr": 3}, "did you mean 'max_iters'?"),
+            ({"solver": "HIGHS", "mip_rel_gp": 3}, "did you mean 'mip_rel_gap'?"),
         ],
     )
     def test_those_that_nobody_knows(self, options: dict[str, Any], message: str) -> None:

@@ -24,6 +24,7 @@ from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, asked_ladder
 from cvxlimit.solvers.program import check_options
+from cvxlimit.solvers.table import options_of
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,8 @@ def solved(
         if own.pop(word, None) and only:
             raise ModelError(f"solve has no {word}=True: {only}; problem.problem.solve is CVXPY's")
     if own:
-        (settings, *_) = ladder or problem.ladder(tolerance)
+        tried = ladder or problem.ladder(tolerance)
+        settings = next((each for each in tried if own.keys() <= options_of(each.name)), tried[0])
         check_options(settings, own, ("tolerance", "verbose", "warm_start", "solver", *_CVXPYS))
         ladder = (replace(settings, options={**settings.options, **own}),)
     problem.states = []

@@ -261,7 +261,7 @@ class LimitProblem:
         warm_start : bool
             False starts as if nothing had been solved before.
         options
-            The solver's own, as ``max_iter=50``.
+            The solver's own, as ``max_iter=50``; without one named, of the first that has them.
 
         Raises
         ------
