@@ -146,7 +146,7 @@ compiles, which has no part in the answer."""
 def solved(
     problem: LimitProgram, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
 ) -> Solution:
-    """See :meth:`~cvxlimit.model.door.LimitProblem.solve`."""
+    """See :meth:`~cvxlimit.LimitProblem.solve`."""
     ladder, own = asked_ladder(solver, None), dict(options)
     for word, only in _CVXPYS.items():
         if own.pop(word, None) and only:

@@ -18,7 +18,7 @@ from cvxlimit.solvers import LimitState
 
 class Changeable(Statement):
     """A limit problem to which limits are added; see
-    :class:`~cvxlimit.model.door.LimitProblem`."""
+    :class:`~cvxlimit.LimitProblem`."""
 
     def __init__(self, *stated: Any) -> None:
         super().__init__(*stated)

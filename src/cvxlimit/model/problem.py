@@ -41,13 +41,13 @@ class LimitProgram(Changeable):
     """max alpha  subject to  A x + f_D + alpha f_L = 0,  x_j in K_j at every contact j.
 
     What methods solve, once or many times; users meet it as
-    :class:`~cvxlimit.model.door.LimitProblem`.
+    :class:`~cvxlimit.LimitProblem`.
 
     Parameters
     ----------
     scene : Scene or Assemblage
     surface, friction, cohesion, compressive_strength, tensile_strength, live, dead, weights
-        As :class:`~cvxlimit.model.door.LimitProblem` takes them.
+        As :class:`~cvxlimit.LimitProblem` takes them.
     formulation : callable
         :func:`corner_compressions` (default), :func:`resultants`, or one of your own.
     reduction : Reduction or None
