@@ -8,8 +8,8 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from cvxlimit import Scene, Status, builtin_scene, solve
-from cvxlimit.masonry import random_wall
+from cvxlimit import Load, Scene, Status, builtin_scene, solve
+from cvxlimit.masonry import random_wall, single_block, stack
 from cvxlimit.model.door import LimitProblem
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.own_limits import OwnCertifier
@@ -291,6 +291,15 @@ class TestWithoutBracket:
         assert "fair" not in note
         problem.remove("service")
         assert problem.solve().load_factor is not None
+
+    def test_loads_that_nothing_carries_and_limits_that_bound_nothing(self) -> None:
+        leaning = LimitProblem(stack(4, shift=(0.3, 0.0)))
+        for found in leaning.at_rest(leaning.N[0]):
+            assert "no forces were found that carry these loads" in found.note
+        pressed = LimitProblem(single_block(live=Load(acceleration=(0.0, 0.0, -1.0))))
+        pressed.add("some", pressed.N[0] >= 0.0)
+        assert "no largest value: limits 'some' leave it free" in pressed.solve().note
+        assert (pressed.status, pressed.value) == (cp.UNBOUNDED, np.inf)
 
     def test_three_of_which_any_two_can_hold(self) -> None:
         """A load factor in three steps, none of which is too much alone; and one beside, which is

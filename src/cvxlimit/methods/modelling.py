@@ -61,7 +61,7 @@ class OneProblem(Convex):
             run.note(state, settings, lower=known(best.lower), upper=known(best.upper))
             yield
             if state.outcome.claims_no_optimum and found is None:
-                run.remarks = [_without_answer(problem)]
+                run.remarks = [_without_answer(problem, state.outcome.status)]
                 return Status.NOT_CERTIFIED
             if best.is_within(self.tolerance) and best.is_proved:
                 run.remarks = [f"with {problem.said_own}"]
@@ -123,10 +123,12 @@ def _better(before: Answer, found: Answer) -> Answer:
     return raised.lowered(new.upper, new.upper_is_proved, found.mechanism)
 
 
-def _without_answer(problem: LimitProgram) -> str:
+def _without_answer(problem: LimitProgram, status: str) -> str:
+    if status == UNBOUNDED:
+        return f"there is no largest value: {problem.said_own} leave it free"
     named = [f"limit {name!r}" for name in smallest_conflict(problem.problem, problem.limits)]
     if not named:
-        return "the problem has no largest value, or no forces that satisfy it"
+        return "no forces were found that carry these loads"
     together = " together" if len(named) > 1 else ""
     return f"{' and '.join(named)} cannot hold{together} under these loads at any load factor"
 
