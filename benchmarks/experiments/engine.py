@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.experiment import Head, Lines, Part, experiment
 from cvxlimit import Scene, builtin_scene
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.solvers import Blockwise, settings_for
 from cvxlimit.solvers.interior import Point, Program, Result, minimised, order_of
 from cvxlimit.surfaces.coulomb import surfaces_of
@@ -39,7 +39,7 @@ Run = Callable[[float, Point | None], Result]
 
 def program_of(scene: Scene, surface: str) -> Program:
     """The limit problem's cost, matrix and right-hand side, and its cones."""
-    problem = LimitProblem(scene, surfaces_of(surface)[0]).problem
+    problem = LimitProgram(scene, surfaces_of(surface)[0]).problem
     data, _, _ = problem.get_problem_data(Blockwise(), solver_opts={})
     dims, c, b = data["dims"], np.asarray(data["c"]), np.asarray(data["b"])
     return c, sp.csc_array(data["A"]), b, (dims.zero, dims.nonneg, list(dims.soc))
@@ -58,7 +58,7 @@ def own(scene: Scene, surface: str) -> Run:
 
 def others(scene: Scene, surface: str) -> dict[str, Callable[[], object]]:
     """Clarabel and QOCO through CVXPY's interfaces, without its compiling."""
-    problem = LimitProblem(scene, surfaces_of(surface)[0]).problem
+    problem = LimitProgram(scene, surfaces_of(surface)[0]).problem
     runs: dict[str, Callable[[], object]] = {}
     for name, tolerance in OTHERS:
         options = dict(settings_for(name, tolerance).options)

@@ -33,7 +33,7 @@ from cvxlimit.methods.exact_friction import ExactFriction as ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint as FixedPoint
 from cvxlimit.methods.settlement import settlement as settlement
 from cvxlimit.methods.solving import solve as solve
-from cvxlimit.model.problem import LimitProblem as LimitProblem
+from cvxlimit.model.door import LimitProblem as LimitProblem
 from cvxlimit.paths.code_check import CodeCheck as CodeCheck
 from cvxlimit.paths.code_check import code_check as code_check
 from cvxlimit.paths.path import Configuration as Configuration

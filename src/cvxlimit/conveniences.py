@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import Any
 
 from cvxlimit.errors import InputError
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.door import LimitProblem
 from cvxlimit.paths.code_check import CodeCheck
 from cvxlimit.paths.path import Path
 from cvxlimit.readings.sensitivity import Sensitivity
@@ -117,5 +117,5 @@ def sensitivity_sides(found: Any, change: Any, step: float) -> tuple[float, floa
 def solution_problem(solution: Solution) -> LimitProblem:
     """:attr:`cvxlimit.Solution.problem`."""
     problem = LimitProblem(solution.scene, solution.surfaces or solution.surface)
-    problem.surface = solution.surface
+    problem._stated.surface = solution.surface
     return problem

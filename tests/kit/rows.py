@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.solvers.program import ConeProgram
 
 ROUNDING = 1e-12
@@ -34,10 +35,11 @@ def by_cvxpy(problem: cp.Problem, unknowns: Sequence[cp.Variable]) -> ConeProgra
     return ConeProgram(data["c"][order], matrix, data["b"], dims.zero, dims.nonneg, (*dims.soc,))
 
 
-def assert_same_rows(problem: LimitProblem) -> None:
+def assert_same_rows(problem: LimitProgram) -> None:
     """The rows of both sinks at the Parameters' present values."""
     theirs = by_cvxpy(problem.problem, problem._in_cvxpy[0].into.unknowns)
-    assert_same(problem.program, theirs)
+    # CVXPY's objective is in the user's units
+    assert_same(problem.program, replace(theirs, cost=theirs.cost / problem._gain))
 
 
 def assert_same(own: ConeProgram, theirs: ConeProgram) -> None:
@@ -67,7 +69,7 @@ def sorted_rows(program: ConeProgram) -> list[sp.csr_array]:
     return found
 
 
-def at_random(problem: LimitProblem, seed: int = 0) -> None:
+def at_random(problem: LimitProgram, seed: int = 0) -> None:
     """Random values for the problem's Parameters, all positive."""
     random = np.random.default_rng(seed)
     for parameter in problem._in_rows[1].theta.parameters():

@@ -15,7 +15,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Clock, Method, Run, Steps, drive
 from cvxlimit.methods.fixed_point import cycles
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
@@ -54,11 +54,11 @@ class NonAssociative(Method):
     max_iterations: int = 60
 
     def steps(self, run: Run) -> Steps:
-        first = run.solve(LimitProblem(run.assemblage).run, default_ladder()[0])
+        first = run.solve(LimitProgram(run.assemblage).run, default_ladder()[0])
         run.note(first, "associated")
         assert first.forces is not None
         pressed = cp.Parameter(len(run.contacts), nonneg=True, value=first.forces[:, 2].clip(0.0))
-        problem = LimitProblem(run.assemblage, (Rocking(), Rotated(self.eta, pressed)))
+        problem = LimitProgram(run.assemblage, (Rocking(), Rotated(self.eta, pressed)))
         run.remarks = ["one of many solutions without dilatancy"]
         for _ in range(self.max_iterations):
             new, rung = run.try_solvers(problem.run, run.ladder or default_ladder())
@@ -206,7 +206,7 @@ def test_a_bracket_that_equilibrium_cannot_tell_from_zero_is_closed() -> None:
 def test_the_ladder_is_climbed_until_there_are_forces() -> None:
     ladder = [SolverSettings("NO_SUCH_SOLVER"), *default_ladder()]
     run = Run(single_block(), ladder=ladder)
-    state, rung = run.try_solvers(LimitProblem(run.assemblage).run, ladder)
+    state, rung = run.try_solvers(LimitProgram(run.assemblage).run, ladder)
     assert state.forces is not None
     assert rung.name == "CLARABEL"
     assert run.solvers == {"NO_SUCH_SOLVER", "CLARABEL"}

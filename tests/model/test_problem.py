@@ -13,7 +13,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.convex import Convex
 from cvxlimit.model.formulations import corner_compressions, resultants
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LargestFactor
 from cvxlimit.solvers import SolverSettings
 from cvxlimit.surfaces.coulomb import surfaces_of
@@ -187,7 +187,7 @@ class TestFormulations:
         scene = builtin_scene(name)
         surfaces, _ = surfaces_of(surface)
         corner, six = (
-            LimitProblem(scene, surfaces, formulation=formulation).run()
+            LimitProgram(scene, surfaces, formulation=formulation).run()
             for formulation in (corner_compressions, resultants)
         )
         assert six.load_factor == pytest.approx(corner.load_factor, rel=1e-6)
@@ -196,7 +196,7 @@ class TestFormulations:
     @settings(max_examples=10, deadline=None)
     def test_same_answer_on_other_polygons(self, scene: Scene) -> None:
         states = [
-            LimitProblem(scene, formulation=f).run() for f in (corner_compressions, resultants)
+            LimitProgram(scene, formulation=f).run() for f in (corner_compressions, resultants)
         ]
         assume(all(state.outcome.status == "optimal" for state in states))
         assert states[0].load_factor == pytest.approx(states[1].load_factor, rel=1e-6)
@@ -206,7 +206,7 @@ class TestFormulations:
         self, formulation: Any
     ) -> None:
         scene = builtin_scene("tuff-wall")
-        state = LimitProblem(scene, formulation=formulation).run()
+        state = LimitProgram(scene, formulation=formulation).run()
         assert state.forces is not None
         assert state.mechanism is not None
         assert yield_excess(scene, state.forces).max() <= 1e-8 * scene.total_weight
@@ -216,12 +216,12 @@ class TestFormulations:
 class TestLimitProblem:
     @pytest.mark.parametrize("most", [0.1, 0.3, 0.5])
     def test_most(self, most: float) -> None:
-        state = LimitProblem(single_block(), goal=LargestFactor(most=most)).run()
+        state = LimitProgram(single_block(), goal=LargestFactor(most=most)).run()
         assert state.load_factor == pytest.approx(min(most, 0.4), rel=1e-7)
 
     def test_needs_rocking(self) -> None:
         with pytest.raises(ModelError, match="add Rocking"):
-            LimitProblem(single_block(), surfaces_of("conic")[0][1:])
+            LimitProgram(single_block(), surfaces_of("conic")[0][1:])
 
     @pytest.mark.parametrize(
         "settings",
@@ -232,13 +232,13 @@ class TestLimitProblem:
         ],
     )
     def test_failures_are_a_status(self, settings: SolverSettings) -> None:
-        state = LimitProblem(single_block()).run(settings)
+        state = LimitProgram(single_block()).run(settings)
         assert state.outcome.status.startswith("failed: ")
         assert "\n" not in state.outcome.status
         assert not state.outcome.has_values
         assert (state.load_factor, state.forces, state.mechanism) == (None, None, None)
 
     def test_solved_again_is_the_same(self) -> None:
-        problem = LimitProblem(builtin_scene("tuff-wall"))
+        problem = LimitProgram(builtin_scene("tuff-wall"))
         first, again = problem.run(), problem.run()
         assert again.load_factor == pytest.approx(first.load_factor, rel=1e-10)  # its tolerance

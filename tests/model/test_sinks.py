@@ -26,7 +26,7 @@ from cvxlimit.model.formulations import (
     vertex_forces,
 )
 from cvxlimit.model.point_friction import PointFriction, at_corners
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.sinks import Constraints
 from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.proof.certificate import Certifier
@@ -53,11 +53,11 @@ def problem_of(
     formulation: Formulation = corner_compressions,
     model: str = "least",
     most: float | None = None,
-) -> LimitProblem:
+) -> LimitProgram:
     surfaces = surfaces_of(surface)[0]
     found = Reductions.of(Assemblage.of(scene), surfaces, formulation, model)
     goal = LargestFactor(most)
-    return LimitProblem(found.assemblage, surfaces, reduction=found.best(), goal=goal)
+    return LimitProgram(found.assemblage, surfaces, reduction=found.best(), goal=goal)
 
 
 def everywhere(names: Sequence[str]) -> Any:
@@ -217,7 +217,7 @@ def test_own_surfaces_formulations_and_physics(name: str, formulation: str, phys
 
 def test_own_cones() -> None:
     scene = builtin_scene("tuff-wall")
-    problem = LimitProblem(scene, surfaces_of(Lens())[0])
+    problem = LimitProgram(scene, surfaces_of(Lens())[0])
     assert_same_rows(problem)
     both = [problem.run(settings_for("CLARABEL"), has_rows).load_factor for has_rows in (0, 1)]
     assert both[0] == pytest.approx(both[1], rel=1e-6)
@@ -229,12 +229,12 @@ def test_own_cones() -> None:
     ids=["self-stress", "least use"],
 )
 def test_other_goals(goal: Any) -> None:
-    assert_same_rows(LimitProblem(builtin_scene("tuff-wall"), goal=goal))
+    assert_same_rows(LimitProgram(builtin_scene("tuff-wall"), goal=goal))
 
 
 def test_a_parameter_without_a_value_is_named() -> None:
     scene = builtin_scene("tuff-wall")
-    problem = LimitProblem(scene, [Rocking(), Own(len(scene.contacts))])
+    problem = LimitProgram(scene, [Rocking(), Own(len(scene.contacts))])
     with pytest.raises(ModelError, match=r"Parameter 'each' has no value.*shape"):
         problem.run(settings_for("CLARABEL"))
 
@@ -245,7 +245,7 @@ def test_dead_load_alone(name: str, model: str) -> None:
     """Another load on the same rows is the problem written anew."""
     problem = problem_of(builtin_scene(name), "conic", model=model)
     alone = problem.dead_alone()
-    anew = LimitProblem(
+    anew = LimitProgram(
         alone.assemblage, problem.surfaces, reduction=problem.reduction, goal=alone.goal
     )
     assert abs(alone.program.matrix - anew.program.matrix).max() <= 1e-15
@@ -276,4 +276,4 @@ def test_facets_need_two_components() -> None:
     scene = builtin_scene("single-block")
     surfaces = [Rocking(), Own(1, Facets.circumscribed(8))]
     with pytest.raises(ModelError, match="facets bound vectors of two components"):
-        _ = LimitProblem(scene, surfaces).program
+        _ = LimitProgram(scene, surfaces).program

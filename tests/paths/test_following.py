@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import Block, Load, Path, Scene, Units, builtin_scene, prove, pushover
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, single_block, stack
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.paths import proof
 from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.path import Configuration, rotation
@@ -469,9 +469,9 @@ def test_both_sinks_state_the_same_increment() -> None:
     push.value, gap.value = 1.0, np.full(k, 0.01)
     slip[0].value, slip[1].value = np.full(k, 0.02), np.zeros(k)
     numbers = increment.problem(increment.goal(1.0, gap.value, (slip[0].value, slip[1].value)))
-    found = [p.run(LimitProblem.ladder(p)[0]).load_factor for p in (problem, numbers)]
+    found = [p.run(LimitProgram.ladder(p)[0]).load_factor for p in (problem, numbers)]
     in_cvxpy = problem.problem.solve(solver="CLARABEL")
-    at = problem.run(LimitProblem.ladder(problem)[0])
+    at = problem.run(LimitProgram.ladder(problem)[0])
     assert found[0] == pytest.approx(found[1], abs=1e-9)
     assert problem.factor.value == pytest.approx(at.load_factor, abs=1e-6)
     assert np.isfinite(in_cvxpy)

@@ -29,7 +29,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, single_block, stack
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceModel, corner_compressions
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statics import Scaling
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import Condition, Facets, Norm, Rocking, TorsionShear
@@ -57,7 +57,7 @@ OCTAGON = surfaces_of("octagon")[0]
 def case(name: str) -> tuple[Scene, Certifier, LimitState, float]:
     """A built-in scene with octagons, its certifier, a good state, and the true factor."""
     scene = builtin_scene(name)
-    state = LimitProblem(scene, OCTAGON).run()
+    state = LimitProgram(scene, OCTAGON).run()
     factor = linear_load_factor(scene).load_factor
     assert factor is not None
     return scene, Certifier(scene, OCTAGON), state, factor
@@ -121,7 +121,7 @@ class TestCorruptedForces:
 
     def test_reported_violations_are_those_computed_by_hand(self) -> None:
         scene = builtin_scene("tuff-wall")
-        state = LimitProblem(scene).run()
+        state = LimitProgram(scene).run()
         certifier = Certifier(scene, (Rocking(), TorsionShear()))
         forces = state.forces + noise(1, state.forces.shape, 1e-3) * scene.total_weight
         c = certifier.certificate(forces, state.load_factor, state.mechanism)
@@ -184,7 +184,7 @@ class TestCorruptedMechanisms:
     def test_flow_violation_by_hand(self) -> None:
         """Contacts must part where the mechanism is disturbed: same sign and order by hand."""
         scene = builtin_scene("tuff-wall")
-        state = LimitProblem(scene).run()
+        state = LimitProgram(scene).run()
         certifier = Certifier(scene, (Rocking(), TorsionShear()))
         rates = state.mechanism + noise(2, state.mechanism.shape, 1e-2)
         c = certifier.certificate(None, None, rates)
@@ -238,7 +238,7 @@ class TestIncomplete:
         scene, certifier, state, factor = case("tuff-wall")
         for other in (scene.with_friction(0.2), scene.with_live(Load(acceleration=(1, 0.5, 0)))):
             true = linear_load_factor(other).load_factor
-            foreign = LimitProblem(other, OCTAGON).run()
+            foreign = LimitProgram(other, OCTAGON).run()
             c = certifier.certificate(foreign.forces, foreign.load_factor, foreign.mechanism)
             assert c.lower <= factor * (1.0 + SLACK)
             assert c.upper >= factor * (1.0 - SLACK)
@@ -265,7 +265,7 @@ def test_proved_bounds_are_true(scene: Scene, seed: int, size: float) -> None:
     answer = linear_load_factor(scene)
     assume(answer.status == 0)
     assert answer.load_factor is not None
-    state = LimitProblem(scene, OCTAGON).run()
+    state = LimitProgram(scene, OCTAGON).run()
     assume(state.forces is not None and state.mechanism is not None)
     certifier = Certifier(scene, OCTAGON)
     forces = state.forces * (1.0 + noise(seed, state.forces.shape, size))
@@ -378,7 +378,7 @@ class TestPebbleOnABoulder:
 
     def test_solver_is_sure_and_wrong_and_caught(self) -> None:
         scene = self.scene(1e-4)
-        state = LimitProblem(scene).run()
+        state = LimitProgram(scene).run()
         assert state.outcome.status == "optimal"
         dual = -(state.mechanism * scene.dead_forces).sum()
         assert state.load_factor == pytest.approx(dual, rel=1e-6)  # primal and dual agree ...
@@ -416,7 +416,7 @@ class TestWronglyScaledRuns:
         usual = Scaling.of(scene)
         unit = share / len(scene.free)
         scaling = replace(usual, force=usual.force * unit, live=usual.live * unit)
-        problem = LimitProblem(Assemblage.of(scene, scaling))
+        problem = LimitProgram(Assemblage.of(scene, scaling))
         state = problem.run(SolverSettings("CLARABEL", {"direct_solve_method": "qdldl"}))
         true = 0.165318  # published.json, to 1e-5
         assert state.outcome.status in ("optimal", "optimal_inaccurate")
@@ -453,7 +453,7 @@ class TestWronglyScaledRuns:
         """Whatever comes back, the bracket is true; where the factor is off, it is wide."""
         scene = builtin_scene(name)
         true = {"tuff-wall": 0.4230557, "ferris-tin-loi-3": 0.4036941}[name]
-        problem = LimitProblem(scene)
+        problem = LimitProgram(scene)
         state = problem.run(settings)
         c = Certifier(scene, problem.surfaces).certificate(
             state.forces, state.load_factor, state.mechanism

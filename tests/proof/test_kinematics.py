@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, assume, given, reject, settings
 
 from cvxlimit import Scene, builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.solvers import LimitState, default_ladder
 from cvxlimit.surfaces import Sliding, Torsion
 from cvxlimit.surfaces.coulomb import Rocking, surfaces_of
@@ -25,7 +25,7 @@ AGREE = 1e-6
 def test_static_is_kinematic_on_builtin_scenes(name: str, surface: str) -> None:
     scene = builtin_scene(name)
     surfaces, _ = surfaces_of(surface)
-    static = LimitProblem(scene, surfaces).run(default_ladder()[0])
+    static = LimitProgram(scene, surfaces).run(default_ladder()[0])
     kinematic = KinematicProblem(scene, surfaces).solve()
     assert kinematic.forces is None
     assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE)
@@ -61,7 +61,7 @@ def test_static_is_kinematic_on_random_scenes(scene: Scene, turn: np.ndarray) ->
     scene = scene.moved(turn, (0.3, -4.0, 1.0))
     for surface in ("conic", "octagon", "5-gon-inscribed"):
         surfaces, _ = surfaces_of(surface)
-        static = LimitProblem(scene, surfaces).run(default_ladder()[0])
+        static = LimitProgram(scene, surfaces).run(default_ladder()[0])
         assume(static.outcome.status == "optimal")
         kinematic = _sure(KinematicProblem(scene, surfaces))
         assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE, abs=1e-8)
@@ -71,7 +71,7 @@ def test_surfaces_that_are_not_a_sum() -> None:
     scene = builtin_scene("tuff-wall")
     surfaces = [Rocking(), Sliding(), Torsion()]
     rung = default_ladder()[0]
-    static = LimitProblem(scene, surfaces).run(rung)
+    static = LimitProgram(scene, surfaces).run(rung)
     kinematic = KinematicProblem(scene, surfaces).solve(rung)
     assert kinematic.load_factor == pytest.approx(static.load_factor, rel=AGREE)
 
@@ -84,7 +84,7 @@ def test_mechanisms_of_both_are_admissible(name: str) -> None:
     """
     scene = builtin_scene(name)
     factor = solve(scene).load_factor
-    for state in (LimitProblem(scene).run(), KinematicProblem(scene).solve()):
+    for state in (LimitProgram(scene).run(), KinematicProblem(scene).solve()):
         u = state.mechanism
         assert u is not None
         assert (u * scene.live_forces).sum() == pytest.approx(1.0, rel=1e-7)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from cvxlimit import Block, Certifier, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.masonry import panel, running_bond, single_block, wall
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.gluing import with_contacts
@@ -38,7 +38,7 @@ def wedged(friction: float) -> Scene:
 
 def self_stress(scene: Scene) -> tuple[float, np.ndarray]:
     """Largest sum of compressions, none above 1, and the duals as rates (free, 6)."""
-    problem = LimitProblem(scene, goal=largest_self_stress)
+    problem = LimitProgram(scene, goal=largest_self_stress)
     state = problem.run()
     assert state.mechanism is not None
     value = float(state.forces[:, 2].sum()) / problem.scaling.force
@@ -172,7 +172,7 @@ class TestOffers:
     def resting(scene: Scene) -> np.ndarray:
         """Forces that carry the dead load alone, from a solver."""
         alone = scene.with_live(scene.dead).with_dead(Load())
-        state = LimitProblem(alone, goal=LargestFactor(most=1.0)).run()
+        state = LimitProgram(alone, goal=LargestFactor(most=1.0)).run()
         assert state.forces is not None
         assert state.load_factor is not None
         return state.forces / state.load_factor
@@ -278,7 +278,7 @@ class TestAssumptions:
     @pytest.mark.parametrize("factor", [1e160, 1e200, 1e300])
     def test_forces_that_overflow_prove_nothing(self, factor: float) -> None:
         scene = builtin_scene("tuff-wall")
-        state = LimitProblem(scene).run()
+        state = LimitProgram(scene).run()
         assert state.forces is not None
         certifier = Certifier(scene, SURFACES)
         c = certifier.certificate(factor * state.forces, 5.0, None)

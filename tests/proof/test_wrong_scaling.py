@@ -17,7 +17,7 @@ import pytest
 from cvxlimit import Certifier, Scene, solve
 from cvxlimit.masonry import panel
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statics import Scaling
 from cvxlimit.solvers import LimitState, SolverSettings
 
@@ -45,7 +45,7 @@ def state(share: float) -> LimitState:
     usual = Scaling.of(scene())
     unit = share / len(scene().free)
     scaling = replace(usual, force=usual.force * unit, live=usual.live * unit)
-    return LimitProblem(Assemblage.of(scene(), scaling)).run(CLARABEL)
+    return LimitProgram(Assemblage.of(scene(), scaling)).run(CLARABEL)
 
 
 @pytest.mark.parametrize(("share", "least_error"), [(1.0, 1e-3), (0.1, 0.05)])
@@ -56,7 +56,7 @@ def test_sure_of_itself_wrong_and_caught(share: float, least_error: float) -> No
     dual = -(wrong.mechanism * scene().dead_forces).sum()
     assert wrong.load_factor == pytest.approx(dual, rel=1e-5)  # five digits and more agree
     assert wrong.load_factor < lower * (1.0 - least_error)
-    surfaces = LimitProblem(scene()).surfaces
+    surfaces = LimitProgram(scene()).surfaces
     c = Certifier(scene(), surfaces).certificate(wrong.forces, wrong.load_factor, wrong.mechanism)
     assert c.width > 0.1
     assert c.lower <= upper
@@ -67,7 +67,7 @@ def test_smaller_still() -> None:
     """A thousandth of a block's weight: "optimal" at a factor below zero."""
     lower, upper = certified()
     wrong = state(1e-3)
-    c = Certifier(scene(), LimitProblem(scene()).surfaces).certificate(
+    c = Certifier(scene(), LimitProgram(scene()).surfaces).certificate(
         wrong.forces, wrong.load_factor, wrong.mechanism
     )
     assert abs(wrong.load_factor) < 0.5 * lower

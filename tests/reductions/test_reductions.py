@@ -16,7 +16,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.io import read_result, write_result
 from cvxlimit.masonry import arch, barrel_vault, panel, running_bond, single_block, stack, wall
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.gluing import with_contacts
 from cvxlimit.reductions import choice, planar
@@ -285,8 +285,8 @@ class TestChoice:
         assemblage, surfaces = Assemblage.of(scene), surfaces_of("octagon")[0]
         full = Reductions.of(assemblage, surfaces, model="full")
         assert full.best().names == ()
-        one = LimitProblem(assemblage, surfaces, reduction=full.best())
-        assert one.shape == LimitProblem(assemblage, surfaces).shape
+        one = LimitProgram(assemblage, surfaces, reduction=full.best())
+        assert one.shape == LimitProgram(assemblage, surfaces).shape
 
     def test_models_by_name(self) -> None:
         for call in (solve, explain):
@@ -361,7 +361,7 @@ def test_a_structure_that_is_shared_changes_no_answer(rung: str) -> None:
         for changes in ({"friction": 0.4, "direction": 20.0}, {"density": 3.0, "direction": 40.0}):
             assemblage = mechanics.like(varied(mechanics.scene, **changes))
             full = Reduction.none(assemblage.statics)
-            problem = LimitProblem(assemblage, reduction=full, repeats=shared)
+            problem = LimitProgram(assemblage, reduction=full, repeats=shared)
             found.append(problem.run(settings_for(rung, 1e-6)))
     for i, state in enumerate(found):
         assert state.load_factor == found[i % 2].load_factor
@@ -386,7 +386,7 @@ def test_what_strengths_share_is_what_is_made_anew(surface: str) -> None:
     for changes in (*OTHERS, *OTHERS[::-1]):
         scene = varied(alone.scene, **changes)
         own, shared = (
-            LimitProblem(given, surfaces, repeats=given.repeats)
+            LimitProgram(given, surfaces, repeats=given.repeats)
             for given in (alone.like(scene), among.like(scene))
         )
         assert own.program is not None

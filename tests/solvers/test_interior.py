@@ -19,7 +19,7 @@ from cvxlimit.errors import SolverError
 from cvxlimit.masonry import panel, running_bond, wall
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import resultants
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LargestFactor
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solvers import (
@@ -149,7 +149,7 @@ class TestAnswers:
         assert problem.solve(solver=Blockwise()) == pytest.approx(value, rel=1e-8)
 
     def test_other_formulation(self) -> None:
-        state = LimitProblem(builtin_scene("tuff-wall"), formulation=resultants).run(OWN)
+        state = LimitProgram(builtin_scene("tuff-wall"), formulation=resultants).run(OWN)
         assert state.load_factor == pytest.approx(0.423056, rel=1e-5)
 
 
@@ -210,7 +210,7 @@ class TestWarmStarts:
         """Inside all cones, and so near to equilibrium that the state still is inside all surfaces
         once it is put there: its bound loses nothing."""
         assemblage = Assemblage.of(builtin_scene("tuff-wall"))
-        problem = LimitProblem(assemblage)
+        problem = LimitProgram(assemblage)
         given = problem.program
         assert given is not None
         cones = given.zero, given.nonneg, list(given.cones)
@@ -238,7 +238,7 @@ class TestWarmStarts:
 
 def _program(scene: Scene) -> Program:
     """The limit problem as arrays, from CVXPY."""
-    return arrays_of(LimitProblem(scene).problem)
+    return arrays_of(LimitProgram(scene).problem)
 
 
 def arrays_of(problem: cp.Problem) -> Program:
@@ -427,19 +427,19 @@ class TestPrograms:
 class TestNoAnswer:
     def test_live_load_that_only_helps(self) -> None:
         scene = builtin_scene("single-block").with_live(Load(gravity=(0.0, 0.0, -1.0)))
-        state = LimitProblem(scene).run(OWN)
+        state = LimitProgram(scene).run(OWN)
         assert state.outcome.status == "unbounded"
         assert solve(scene, ladder=[OWN]).status is Status.LIVE_LOAD_HARMLESS
 
     def test_dead_load_that_lifts(self) -> None:
         scene = builtin_scene("tuff-wall").with_dead(Load(gravity=(0.0, 0.0, 1.0)))
-        state = LimitProblem(scene).run(OWN)
+        state = LimitProgram(scene).run(OWN)
         assert state.outcome.status == "infeasible"
         assert solve(scene, ladder=[OWN]).status is Status.DEAD_LOAD_UNSTABLE
 
     def test_bounded_load_factor(self) -> None:
         """`most` gives the load factor a cone of its own: 0.2 of the possible 0.423."""
-        state = LimitProblem(builtin_scene("tuff-wall"), goal=LargestFactor(most=0.2)).run(OWN)
+        state = LimitProgram(builtin_scene("tuff-wall"), goal=LargestFactor(most=0.2)).run(OWN)
         assert state.load_factor == pytest.approx(0.2, rel=1e-8)
 
 

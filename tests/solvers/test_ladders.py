@@ -19,7 +19,7 @@ from cvxlimit import Block, Load, Scene, Solution, Status, Units, builtin_scene,
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, running_bond, single_block, stack, wall
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.solution import Iterate
 from cvxlimit.solvers import (
     SOLVERS,
@@ -175,7 +175,7 @@ class TestLadder:
         rotation = Rotation.from_rotvec([0.0, 0.0, turn]).as_matrix()
         assemblage = Assemblage.of(builtin_scene("dome").moved(rotation))
         statics = assemblage.statics
-        problem = LimitProblem(assemblage)
+        problem = LimitProgram(assemblage)
         state = problem.run(problem.ladder()[0])
         assert state.forces is not None
         assert state.load_factor is not None

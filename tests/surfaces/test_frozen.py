@@ -8,7 +8,7 @@ import pytest
 from cvxlimit import Contacts
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.masonry.walls import random_wall
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Condition, Cone, Conic, Facets, Rocking
 from cvxlimit.surfaces.base import condition_excess, evaluate
@@ -98,7 +98,7 @@ def test_answers_are_those_in_force_components(
     for own in (True, False):
         if not own:
             monkeypatch.setattr(kind, "unknowns", lambda *_: None)
-        state = LimitProblem(scene, (Rocking(), surface)).run(settings_for("CLARABEL", 1e-9))
+        state = LimitProgram(scene, (Rocking(), surface)).run(settings_for("CLARABEL", 1e-9))
         found.append(state.load_factor)
         for excess in surface.excess(state.forces, scene.contacts):
             assert excess.max() <= 1e-6 * np.abs(scene.dead_forces).sum()

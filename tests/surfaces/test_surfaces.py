@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 from cvxlimit import Contacts, Load, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block, stack
+from cvxlimit.model.door import LimitProblem
 from cvxlimit.model.formulations import corner_compressions, resultants
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.sinks import Constraints
 from cvxlimit.surfaces import (
     Condition,
@@ -363,7 +364,7 @@ class TestConditions:
         assert surface.excess(forces, contacts)[0].tolist() == [3.0]
 
 
-def scalar_rows(problem: LimitProblem) -> int:
+def scalar_rows(problem: LimitProgram) -> int:
     return sum(constraint.size for constraint in problem.problem.constraints)
 
 
@@ -378,14 +379,14 @@ class TestRowsWritten:
         surfaces = [*(s(cone) for s in extra), TorsionShear(cone), Rocking()]
         yielding = 2 * n + k * n  # |MT| <= bound, K facets of V <= the rest
         for formulation in (corner_compressions, resultants):  # either way a row for each corner
-            problem = LimitProblem(scene, surfaces, formulation=formulation)
+            problem = LimitProgram(scene, surfaces, formulation=formulation)
             assert scalar_rows(problem) == 6 * f + yielding + m
 
     def test_without_the_sum_both_are(self) -> None:
         scene = builtin_scene("tuff-wall")
         n, m, f = len(scene.contacts), len(scene.contacts.corner_xy), len(scene.free)
         cone = Facets.circumscribed(8)
-        problem = LimitProblem(scene, [Rocking(), Sliding(cone), Torsion(cone)])
+        problem = LimitProgram(scene, [Rocking(), Sliding(cone), Torsion(cone)])
         assert scalar_rows(problem) == 6 * f + 8 * n + 2 * n + m
 
     def test_names_kept(self) -> None:
@@ -448,7 +449,7 @@ class TestRowsWritten:
 
     def test_no_python_object_per_contact(self) -> None:
         small, large = (
-            len(LimitProblem(builtin_scene(name)).problem.constraints)
+            len(LimitProgram(builtin_scene(name)).problem.constraints)
             for name in ("single-block", "tuff-wall")
         )
         assert small == large
@@ -543,7 +544,7 @@ class TestOwnSurfaces:
         """A slab slides at mu: one compiled problem, several frictions, no other answer."""
         scene = single_block((1.0, 1.0, 0.2))
         surface = Cushion(0.3, 1)
-        problem = LimitProblem(scene, [Rocking(), surface, Torsion()], formulation=formulation)
+        problem = LimitProgram(scene, [Rocking(), surface, Torsion()], formulation=formulation)
         for mu in (0.3, 0.6, 0.1):
             surface.mu.value = np.array([mu])
             state = problem.run(has_rows=has_rows)

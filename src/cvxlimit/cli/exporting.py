@@ -24,7 +24,7 @@ from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import known
@@ -80,7 +80,7 @@ def problem_of(
     """The problem of all parts of a scene; what it is, and what is proved of its optimum."""
     surfaces = surfaces_of(surface)[0]
     found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
-    limit = LimitProblem(found.assemblage, surfaces, reduction=found.best())
+    limit = LimitProgram(found.assemblage, surfaces, reduction=found.best())
     unit = limit.scaling.load_factor(1.0)
     solution = solve(scene, surface, model=model)
     lower, upper = known(solution.lower), known(solution.upper)

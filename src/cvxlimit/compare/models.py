@@ -15,7 +15,7 @@ from cvxlimit.methods.driver import Clock
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, check_choice, chosen
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import MODELS
@@ -246,7 +246,7 @@ class Model(Method):
         with clock.phase("detect"):
             len(scene.contacts)
         with clock.phase("compile"):
-            problem = LimitProblem(scene, self.surface, formulation=self.formulation)
+            problem = LimitProgram(scene, self.surface, formulation=self.formulation)
             state = problem.run(settings)
             clock.seconds["solve"] += state.outcome.solve_seconds
         with clock.phase("certify"):

@@ -28,7 +28,7 @@ from cvxlimit.methods.interaction.restriction.slater import carrying_forces
 from cvxlimit.methods.interaction.settings import BRACKET
 from cvxlimit.methods.standing import fallen
 from cvxlimit.methods.wedging import judged
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments
@@ -209,7 +209,7 @@ class _Proof:
         if found.plane is None:
             return False
         with run.clock.phase("compile"):
-            problem = LimitProblem(found.assemblage, run.surfaces, reduction=found.best())
+            problem = LimitProgram(found.assemblage, run.surfaces, reduction=found.best())
         state, settings = run.try_solvers(problem.run, run.ladder or problem.ladder())
         if state.forces is None or state.mechanism is None or state.load_factor is None:
             return False

@@ -35,7 +35,7 @@ from cvxlimit.methods.standing import (
 )
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
@@ -110,7 +110,7 @@ class ConvexSearch:
         model: str,
         tolerance: float = TOLERANCE,
         budget: float = np.inf,
-        problem: LimitProblem | None = None,
+        problem: LimitProgram | None = None,
     ) -> None:
         self.run, self.tolerance, self.budget = run, tolerance, budget
         self._given = problem
@@ -142,7 +142,7 @@ class ConvexSearch:
         with run.clock.phase("compile"):
             reduction = reductions.best(dead_state)
             run.reductions = reduction.names
-            self.problem = self._given or LimitProblem(
+            self.problem = self._given or LimitProgram(
                 reductions.assemblage, run.surfaces, reduction=reduction, repeats=run.repeats
             )
 
@@ -369,7 +369,7 @@ class ConvexSearch:
             # forces that carry some of it already, or loads that are not the scene's
             if problem.reduction.given_forces is not None or self._given is not None:
                 whole = self.reductions.best()
-                problem = LimitProblem(self.reductions.assemblage, run.surfaces, reduction=whole)
+                problem = LimitProgram(self.reductions.assemblage, run.surfaces, reduction=whole)
             problem = problem.dead_alone()
         for state, certificate in self._shares(problem, what, run.formulation):
             forces = self.certifier.given(state)
@@ -389,7 +389,7 @@ class ConvexSearch:
         run.tell("checking that blocks do not wedge each other")
         with run.clock.phase("compile"):
             goal, whole = largest_self_stress, reductions.best()
-            problem = LimitProblem(reductions.assemblage, self.surfaces, goal=goal, reduction=whole)
+            problem = LimitProgram(reductions.assemblage, self.surfaces, goal=goal, reduction=whole)
         for settings in problem.ladder()[:SOLVERS_ASIDE]:
             state = run.solve(partial(problem.run, has_rows=False), settings)
             run.note(replace(state, load_factor=None), f"{settings}, self-stress")
@@ -415,7 +415,7 @@ class ConvexSearch:
             if formulation is not run.formulation:
                 reduction = Reduction.none(alone.statics, formulation)
             goal = LargestFactor(most=1.0)
-            problem = LimitProblem(alone, surfaces, reduction=reduction, goal=goal)
+            problem = LimitProgram(alone, surfaces, reduction=reduction, goal=goal)
         # has_rows: where a load grazes, CVXPY's rows show all of 295 scenes to solvers, ours 293
         for state, certificate in self._shares(problem, "load alone", formulation, has_rows=False):
             carrying = self.certifier.given(state)
@@ -430,10 +430,10 @@ class ConvexSearch:
         return None
 
     def _shares(
-        self, problem: LimitProblem, what: str, formulation: Formulation, has_rows: bool = True
+        self, problem: LimitProgram, what: str, formulation: Formulation, has_rows: bool = True
     ) -> Iterator[tuple[LimitState, Callable[[], Certificate]]]:
         """Which share <= 1 of a load alone is carried: yields the state of each of the first
-        solvers, and what makes its certificate. ``has_rows`` is as for :meth:`LimitProblem.run`."""
+        solvers, and what makes its certificate. ``has_rows`` is as for :meth:`LimitProgram.run`."""
         run = self.run
 
         def certificate(state: LimitState) -> Certificate:

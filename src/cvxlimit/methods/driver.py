@@ -36,7 +36,7 @@ from cvxlimit.surfaces.coulomb import refuse_lost_cohesion, surfaces_of, words_o
 
 Progress = Callable[[str], None]
 Solver = Callable[[SolverSettings], LimitState]
-"""One run of one solver on a problem: ``LimitProblem(scene).run``, for example."""
+"""One run of one solver on a problem: ``LimitProgram(scene).run``, for example."""
 
 
 BOUNDLESS = 1e6
@@ -114,9 +114,9 @@ class Run:
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.model.problem import LimitProblem
+    >>> from cvxlimit.model.problem import LimitProgram
     >>> run = Run(builtin_scene("single-block"))
-    >>> state = run.solve(LimitProblem(run.assemblage).run, SolverSettings("CLARABEL"))
+    >>> state = run.solve(LimitProgram(run.assemblage).run, SolverSettings("CLARABEL"))
     >>> round(state.load_factor, 5), run.clock.seconds["solve"] > 0.0
     (0.4, True)
     """

@@ -21,7 +21,7 @@ import numpy as np
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceModel, corner_compressions, resultants
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal
 from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
@@ -50,7 +50,7 @@ class FrozenProblem:
 
     Attributes
     ----------
-    problem : LimitProblem
+    problem : LimitProgram
     contacts : Contacts
         Those of the problem, k of them.
     parameters : dict of str to Parameter
@@ -82,13 +82,13 @@ class FrozenProblem:
             own = {name: cp.Parameter(len(zeros), name=name) for name in surface.shares}
             surface.shares = {**own}
             self.parameters |= own
-        self.problem = LimitProblem(whole, [Rocking(), *surfaces], reduction=reduction, goal=goal)
+        self.problem = LimitProgram(whole, [Rocking(), *surfaces], reduction=reduction, goal=goal)
 
     def solve(
         self, pressure: Pressure, settings: SolverSettings, has_rows: bool | None = None
     ) -> LimitState:
         """One run of one solver at the pressures (k,); never raises for what the solver does.
-        ``has_rows`` is as for :meth:`LimitProblem.run`."""
+        ``has_rows`` is as for :meth:`LimitProgram.run`."""
         self.set_pressure(pressure)
         return self.problem.run(settings, has_rows)
 

@@ -13,7 +13,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene
@@ -79,7 +79,7 @@ def held(
     """
     run.tell("checking whether a part of the live load holds the dead load")
     with run.clock.phase("compile"):
-        problem = LimitProblem(
+        problem = LimitProgram(
             assemblage, surfaces, formulation=run.formulation, reduction=reduction,
             goal=largest_share,
         )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from copy import copy
 from functools import cached_property
 from typing import Any, Self
@@ -10,7 +11,6 @@ import cvxpy as cp
 import scipy.sparse as sp
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.errors import ModelError
 from cvxlimit.model.limits import LinearLimits, OwnLimits
 from cvxlimit.model.statement import Statement
 from cvxlimit.solvers import LimitState
@@ -18,15 +18,17 @@ from cvxlimit.solvers import LimitState
 
 class Changeable(Statement):
     """A limit problem to which limits are added; see
-    :class:`~cvxlimit.model.problem.LimitProblem`."""
+    :class:`~cvxlimit.LimitProblem`."""
 
     def __init__(self, *stated: Any) -> None:
         super().__init__(*stated)
-        self._limits: dict[str, tuple[cp.Constraint, ...]] = {}
-        self._aim: cp.Expression | None = None
+        self.limits: dict[str, tuple[cp.Constraint, ...]] = {}
+        self.aim: cp.Expression | None = None
+        self.sense = 1.0  # of the aim: -1 for one that is minimised
         self._kept: dict[str, Any] = {}  # by solvers, for the next run
         self._values_before: FloatArray | None = None  # of coefficients, in the run before
         self.within: LimitState | None = None  # the limits, in a solve before
+        self.states: list[LimitState] | None = None  # of runs, where one's values are asked for
 
     def linear_limits(self) -> LinearLimits | str:
         """What was added, as rows on contact forces and load factor at the Parameters' present
@@ -44,24 +46,9 @@ class Changeable(Statement):
         return self._own.linear(internal, forces, stated.factor.id, load)
 
     @property
-    def limits(self) -> dict[str, tuple[cp.Constraint, ...]]:
-        """Limits that were added, by name."""
-        return dict(self._limits)
-
-    @property
     def has_own(self) -> bool:
         """True if limits were added, or something else is maximised."""
-        return bool(self._limits) or self._aim is not None
-
-    @property
-    def has_aim(self) -> bool:
-        """True if something other than the load factor is maximised."""
-        return self._aim is not None
-
-    def value(self, state: LimitState) -> float | None:
-        """What is maximised, in the state of the last run."""
-        value = None if self._aim is None else self._aim.value
-        return state.load_factor if value is None else float(value)
+        return bool(self.limits) or self.aim is not None
 
     def inside(self) -> Self:
         """The same limits without an aim: an interior-point solver ends well inside them."""
@@ -69,85 +56,37 @@ class Changeable(Statement):
 
     @cached_property
     def _inside(self) -> Self:
-        nothing = 0.0 * self._in_cvxpy[0].factor  # of variables that the copy shares
         result = copy(self)
-        result._limits = dict(self._limits)
-        result.maximise(nothing)
+        result.states = None
+        # of variables that the copy shares
+        result.change(dict(self.limits), 0.0 * self._in_cvxpy[0].factor)
         return result
 
     @property
     def said_own(self) -> str:
         """What was added, for notes."""
-        names = ", ".join(map(repr, self._limits))
-        parts = [f"limits {names}" if names else "", "an aim" if self._aim is not None else ""]
+        names = reprlib.repr(list(self.limits))[1:-1]
+        parts = [f"limits {names}" if names else "", "an aim" if self.aim is not None else ""]
         return " and ".join(filter(None, parts))
 
     @cached_property
     def _own(self) -> OwnLimits | None:
-        return OwnLimits(self._limits, self._aim) if self._limits or self._aim is not None else None
+        aim = None if self.aim is None else self.sense * self.aim
+        return OwnLimits(self.limits, aim) if self.has_own else None
 
-    def _changed(self) -> None:
+    def change(
+        self,
+        limits: dict[str, tuple[cp.Constraint, ...]],
+        aim: cp.Expression | None,
+        sense: float = 1.0,
+    ) -> None:
+        """Other limits, by name, and another aim, None for the load factor; it is maximised, or
+        minimised where ``sense`` is -1."""
+        self.limits, self.aim, self.sense = limits, aim, sense
         for name in ("problem", "_in_rows", "_own", "_shared", "shape", "_inside"):
             self.__dict__.pop(name, None)
+        self.forget()
+
+    def forget(self) -> None:
+        """Start the next solve as if there had been none."""
         self._kept, self._values_before, self.within = {}, None, None
-
-    def add(self, name: str, *limits: cp.Constraint) -> None:
-        """Add limits under a name: CVXPY constraints on :attr:`N`, :attr:`V1` ... :attr:`factor`,
-        in the user's units; variables and Parameters of one's own may stand in them.
-
-        Raises
-        ------
-        ModelError
-            For a name that is taken, and for what is no constraint, or not convex.
-
-        Example
-        -------
-        >>> from cvxlimit import LimitProblem, builtin_scene
-        >>> problem = LimitProblem(builtin_scene("single-block"))
-        >>> problem.add("weak joint", problem.V1 >= -1.0, problem.V1 <= 1.0)
-        >>> round(problem.run().load_factor, 5)
-        0.3125
-        """
-        if name in self._limits or name in self.constraints:
-            raise ModelError(
-                f"there is a limit {name!r} already: remove it first, or choose a name"
-            )
-        for limit in limits:
-            if not isinstance(limit, cp.Constraint):
-                raise ModelError(
-                    f"limit {name!r} must be a CVXPY constraint, as problem.N <= 3, got {limit!r}"
-                )
-            if not limit.is_dcp():
-                raise ModelError(f"limit {name!r} is not convex by CVXPY's rules (DCP): {limit}")
-        self._limits[name] = limits
-        self._changed()
-
-    def remove(self, name: str) -> None:
-        """Take away the limits that were added under a name.
-
-        Raises
-        ------
-        ModelError
-            If there are none.
-        """
-        if name not in self._limits:
-            names = ", ".join(map(repr, self._limits)) or "none"
-            raise ModelError(f"there is no added limit {name!r}: there are {names}")
-        del self._limits[name]
-        self._changed()
-
-    def maximise(self, expression: cp.Expression | float | None) -> None:
-        """Maximise a concave expression in place of the load factor; None goes back to that. Fix
-        the load factor by a limit, ``problem.add("load", problem.factor == 1)``, for the largest
-        force under given loads.
-
-        Raises
-        ------
-        ModelError
-            For an expression that CVXPY does not find concave.
-        """
-        aim = None if expression is None else cp.Constant(0.0) + expression
-        if aim is not None and not (aim.is_scalar() and aim.is_concave()):
-            raise ModelError(f"only one number that is concave can be maximised, got {expression}")
-        self._aim = aim
-        self._changed()

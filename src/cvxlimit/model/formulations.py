@@ -269,10 +269,10 @@ def model_of(formulation: Formulation, contacts: Contacts) -> ForceModel:
 
 
 def is_weak(contacts: Contacts) -> NDArray[np.bool_]:
-    """Contacts that may crush, (n,): all where the strength is a Parameter."""
+    """Contacts that may crush, (n,): where the strength is a Parameter all, unless they say."""
     strength = contacts.compressive_strength
     if isinstance(strength, cp.Expression):
-        return np.ones(len(contacts), dtype=bool)
+        return getattr(contacts, "crushes", np.ones(len(contacts), dtype=bool))
     return np.isfinite(strength)
 
 

@@ -100,6 +100,11 @@ class Given:
         check_values(self.parameters())
         scene = self.assemblage.scene
         values = {name: np.array(number(value)) for name, value in self.joints.items()}
+        if np.isinf(values.get("compressive_strength", 0.0)).any():
+            raise ModelError(
+                "compressive_strength as a Parameter must be finite, got inf: leave it out where "
+                "joints do not crush, or give a large number"
+            )
         if self.weights is not None:
             scene = _weighing(scene, np.array(number(self.weights)))
         ids = [scene.blocks[i].id for i in scene.free]
@@ -123,12 +128,23 @@ def _shaped(what: str, value: Any, count: int, of: str) -> Any:
     if isinstance(value, (list, tuple)) and any(isinstance(v, cp.Expression) for v in value):
         value = cp.hstack(list(value))
     is_symbolic = isinstance(value, cp.Expression)
+    _refuse_variables(what, value)
     shape = value.shape if is_symbolic else np.shape(value)
     if shape not in ((), (count,)):
         raise ModelError(f"{what} must be one number or one for each of {count} {of}, got {shape}")
     if is_symbolic:
         return promote(value, (count,)) if shape == () else value
     return np.broadcast_to(np.asarray(value, dtype=float), (count,))
+
+
+def _refuse_variables(what: str, value: Any) -> None:
+    """Refuses expressions of Variables: friction times forces, both unknown, is not convex."""
+    if isinstance(value, cp.Expression) and value.variables():
+        cure = "give a Parameter, and solve at its values"
+        if what == "friction":
+            cure += "; docs/problem.md finds the least friction that carries a load so"
+        name = value.variables()[0].name()
+        raise ModelError(f"{what} must be known, got Variable {name!r}: {cure}")
 
 
 def _but_of_ties(scene: Scene, what: str, values: Any, dimensions: int) -> Any:
@@ -182,6 +198,7 @@ def _loads(scene: Scene, given: Mapping[str, Any], weights: Any) -> tuple[Any, A
         load = given[name]
         if isinstance(load, Sequence):
             load = cp.hstack(list(load))
+        _refuse_variables(name, load)
         if not isinstance(load, cp.Expression):
             load = cp.Constant(np.asarray(load, dtype=float))
         if load.shape == (len(blocks), DOF):
@@ -211,13 +228,17 @@ def _with_tension(given: Given) -> Given:
     has_tension = isinstance(tension, cp.Expression) or bool(np.any(tension))
     if not given.joints and not has_tension:
         return given
-    dead, pull = given.dead, None
+    dead, pull, seen = given.dead, None, copy(contacts)
     if has_tension:
+        strength = values["compressive_strength"]
+        if isinstance(tension, cp.Expression) and not isinstance(strength, cp.Expression):
+            # no expression is infinite: that of joints that do not crush is not looked at
+            seen.__dict__["crushes"] = crushes = np.isfinite(strength)
+            strength = np.where(crushes, strength, 0.0)
         values["cohesion"] = values["cohesion"] - product(values["friction"], tension)
-        values["compressive_strength"] = values["compressive_strength"] + tension
+        values["compressive_strength"] = strength + tension
         values["tensile_strength"] = np.zeros(len(contacts))
         pull = product(contacts.area, tension)
         dead = dead - whole.statics.matrix[:, COLUMN["N"] :: len(COMPONENTS)] @ pull
-    seen = copy(contacts)
     seen.__dict__.update(values, take=contacts.take)
     return replace(given, contacts=seen, dead=dead, pull=pull)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from cvxpy.atoms.affine.binary_operators import MulExpression
 from cvxpy.error import DCPError, DPPError, SolverError
+from cvxpy.reductions.solution import Solution
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
@@ -173,13 +175,14 @@ class OwnLimits:
         counts = zip(ends, (zero, nonneg, cones), strict=True)
         return np.concatenate([np.arange(end - count, end) for end, count in counts])
 
-    def tell(self, x: FloatArray, duals: FloatArray) -> None:
-        """Give variables and limits their values, of unknowns x of all rows and duals of these."""
+    def solution(self, x: FloatArray, duals: FloatArray) -> Solution:
+        """CVXPY's record of values of variables and limits, of unknowns x of all rows and duals of
+        these."""
         raw = SimpleNamespace(
             status="Solved", x=x[self.columns], z=self.multipliers(duals), obj_val=0.0,
             obj_val_dual=0.0, solve_time=0.0, iterations=0,
         )  # fmt: skip
-        self.problem.unpack_results(raw, self._chain, self._inverse)
+        return self._chain.invert(raw, self._inverse)
 
     def linear(
         self, internal: Mapping[int, slice], forces: sp.csr_array, factor: int, load: float
@@ -224,9 +227,10 @@ class OwnLimits:
                 whole[:, internal[variable.id]] = own
             elif abs(own).sum() > 0.0:
                 return self._open([*internal, factor])
-        found = _on_contacts(sp.csr_array(whole), forces)
-        if found is None:
-            return "limits on more than the forces of contacts have no bracket"
+        found, missed = _on_contacts(sp.csr_array(whole), forces)
+        if missed.any():
+            names = [*map("limit {!r}".format, self._labels()), "the aim"]
+            return f"{names[int(missed.argmax())]} is on more than the forces of contacts"
         return found, alpha
 
     def _open(self, known: Sequence[int]) -> str:
@@ -247,6 +251,13 @@ class OwnLimits:
         signs = np.where(np.arange(len(duals)) < self.dims.zero, -1.0, 1.0)  # equations: A x = b
         return signs * duals / self.unit
 
+    def of_cvxpy(self, duals: Mapping[int, Any]) -> FloatArray | None:
+        """The multipliers of linear limits, of CVXPY's duals by the limits' ids."""
+        stated = self._compiled.constraints if self.has_rows else []
+        if not stated or not all(each.id in duals for each in stated):
+            return None
+        return np.concatenate([np.ravel(duals[each.id], order="F") for each in stated])
+
     def _labels(self) -> list[str]:
         """Label of every row."""
         pairs = zip(self.problem.constraints, self.names, strict=True)
@@ -257,51 +268,74 @@ class OwnLimits:
         return found
 
 
-def _on_contacts(rows: sp.csr_array, resultant_map: sp.csr_array) -> sp.csr_array | None:
-    """Rows (k, 6 n) on contact forces that are rows (k, p) on internal forces, by contact, or None
-    where they are not."""
+def _on_contacts(rows: sp.csr_array, resultant_map: sp.csr_array) -> tuple[sp.csr_array, BoolArray]:
+    """Rows (k, 6 n) on contact forces that are rows (k, p) on internal forces, by contact, and
+    which of them are not."""
     given = sp.csr_array(rows @ resultant_map.T)
     touched = np.unique(given.indices // DOF)  # few, as a rule
-    if not len(touched):  # as an aim of the load factor alone
-        return given if not rows.nnz else None
-    at, each = (DOF * touched[:, None] + np.arange(DOF)).ravel(), np.arange(len(touched) + 1)
-    square = sp.coo_array(resultant_map[at] @ resultant_map[at].T)
-    row, column = (np.asarray(index, np.int64) for index in square.coords)
-    inside, blocks = row // DOF == column // DOF, np.zeros((len(touched), DOF, DOF))
-    row, column = row[inside], column[inside]
-    blocks[row // DOF, row % DOF, column % DOF] = square.data[inside]
-    inverse = sp.bsr_array((np.linalg.pinv(blocks, hermitian=True), each[:-1], each))
-    own = sp.csr_array(given[:, at] @ inverse)
-    found = sp.csr_array((own.data, at[own.indices], own.indptr), shape=given.shape)
-    rest = abs(found @ resultant_map - rows)
-    return found if rest.max() <= 1e-9 * abs(rows).max() else None
+    found = given
+    if len(touched):
+        at, each = (DOF * touched[:, None] + np.arange(DOF)).ravel(), np.arange(len(touched) + 1)
+        square = sp.coo_array(resultant_map[at] @ resultant_map[at].T)
+        row, column = (np.asarray(index, np.int64) for index in square.coords)
+        inside, blocks = row // DOF == column // DOF, np.zeros((len(touched), DOF, DOF))
+        row, column = row[inside], column[inside]
+        blocks[row // DOF, row % DOF, column % DOF] = square.data[inside]
+        inverse = sp.bsr_array((np.linalg.pinv(blocks, hermitian=True), each[:-1], each))
+        own = sp.csr_array(given[:, at] @ inverse)
+        found = sp.csr_array((own.data, at[own.indices], own.indptr), shape=given.shape)
+    rest, size = (
+        abs(part).max(axis=1).toarray().ravel() for part in (found @ resultant_map - rows, rows)
+    )
+    return found, rest > 1e-9 * size
 
 
-def broken(problem: cp.Problem, limits: Mapping[str, Sequence[cp.Constraint]]) -> list[str]:
-    """Names of limits that cannot hold together with the rest of a problem: those that give way
-    where each may by an amount of its own, which are least in all."""
+def smallest_conflict(
+    problem: cp.Problem, limits: Mapping[str, Sequence[cp.Constraint]]
+) -> list[str]:
+    """Names of the fewest limits that cannot hold together with the rest of a problem; none where
+    all can, or where the rest alone cannot.
+
+    Every set of limits that cannot hold has one of those that give way where the others may not, so
+    that the smallest set with one of each such group is the answer as soon as it cannot hold.
+    """
     own = {limit.id for named in limits.values() for limit in named}
-    kept = [limit for limit in problem.constraints if limit.id not in own]
-    slack = {name: cp.Variable(nonneg=True) for name in limits}
-    for name, named in limits.items():
-        for limit in named:
-            kept += _loosened(limit, slack[name])
-    loose = cp.Problem(cp.Minimize(sum(slack.values())), kept)
-    try:
-        loose.solve(solver=cp.CLARABEL)
-    except SolverError:
-        return []
-    if loose.status not in keys.SOLUTION_PRESENT:
-        return []
-    most = max(float(s.value) for s in slack.values())
-    return [name for name, s in slack.items() if float(s.value) > 1e-6 * max(most, 1e-300)]
+    rest = [limit for limit in problem.constraints if limit.id not in own]
+    groups: list[set[str]] = []
+    while True:
+        conflict = _smallest_with_one_of_each(groups)
+        slack = {name: cp.Variable(nonneg=True) for name in limits if name not in conflict}
+        stated = [limit for name in conflict for limit in limits[name]]
+        stated += [_loosened(limit, s) for name, s in slack.items() for limit in limits[name]]
+        loose = cp.Problem(cp.Minimize(sum(slack.values())), rest + stated)
+        try:
+            loose.solve(solver=cp.CLARABEL)
+        except SolverError:
+            return []
+        if loose.status not in keys.SOLUTION_PRESENT:
+            return [name for name in limits if name in conflict]
+        sizes = {name: float(s.value) for name, s in slack.items()}
+        most = max(sizes.values(), default=0.0)
+        groups.append({name for name, size in sizes.items() if size > 1e-6 * max(most, 1e-300)})
+        if not groups[-1]:
+            return []
 
 
-def _loosened(limit: Any, slack: cp.Variable) -> list[cp.Constraint]:
+def _smallest_with_one_of_each(groups: Sequence[set[str]]) -> set[str]:
+    """The fewest names among which are some of every group."""
+    names = sorted(set[str]().union(*groups))
+    for count in range(len(names) + 1):
+        for chosen in combinations(names, count):
+            if all(not group.isdisjoint(chosen) for group in groups):
+                return set(chosen)
+    return set()
+
+
+def _loosened(limit: Any, slack: cp.Variable) -> cp.Constraint:
     if isinstance(limit, cp.SOC):
-        return [cp.SOC(limit.args[0] + slack, limit.args[1], axis=limit.axis)]
+        return cp.SOC(limit.args[0] + slack, limit.args[1], axis=limit.axis)
     if isinstance(limit, (cp.constraints.Zero, cp.constraints.Equality)):
-        return [cp.abs(limit.expr) <= slack]
+        return cp.abs(limit.expr) <= slack
     if isinstance(limit, cp.constraints.NonNeg):
-        return [limit.expr + slack >= 0]
-    return [limit.expr <= slack]
+        return limit.expr + slack >= 0
+    return limit.expr <= slack

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import cvxpy as cp
+import cvxpy.settings as keys
 import numpy as np
 import scipy.sparse as sp
+from cvxpy.constraints import Equality, Inequality
+from cvxpy.reductions.solution import Solution
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.attached import attached
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.changing import Changeable
@@ -23,7 +26,6 @@ from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, LargestFactor, Stated
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution
 from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
@@ -35,22 +37,17 @@ DPP_LIMIT = 3_000
 them grows with their square, 2.6 GB at 6,000; beyond, every solve by CVXPY compiles afresh."""
 
 
-class LimitProblem(Changeable):
+class LimitProgram(Changeable):
     """max alpha  subject to  A x + f_D + alpha f_L = 0,  x_j in K_j at every contact j.
+
+    What methods solve, once or many times; users meet it as
+    :class:`~cvxlimit.LimitProblem`.
 
     Parameters
     ----------
     scene : Scene or Assemblage
-    surface : str, Cone or sequence of YieldSurface
-        As :func:`cvxlimit.solve` takes it. Surfaces implied by another are not written.
-    friction, cohesion, compressive_strength, tensile_strength : number, array (n,) or Parameter
-        In place of the scene's: one for all joints, not for ties, or one per contact; CVXPY
-        expressions of Parameters too.
-    live, dead : Load, (3,) or (free blocks, 6)
-        In place of the scene's loads; numbers, Parameters or expressions of them: an
-        acceleration in multiples of weights, or forces and moments at centroids.
-    weights : number, array (free blocks,) or Parameter
-        Weights of the free blocks, in the scene's order.
+    surface, friction, cohesion, compressive_strength, tensile_strength, live, dead, weights
+        As :class:`~cvxlimit.LimitProblem` takes them.
     formulation : callable
         :func:`corner_compressions` (default), :func:`resultants`, or one of your own.
     reduction : Reduction or None
@@ -66,15 +63,10 @@ class LimitProblem(Changeable):
     ModelError
         Without rocking, or with the same surface twice, and for values of another shape.
 
-    Attributes
-    ----------
-    V1, V2, N, M1, M2, MT, factor : CVXPY expressions
-        Forces of all contacts and the load factor in the user's units; ``N["a-b"]`` is of one.
-
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> problem = LimitProblem(builtin_scene("single-block"))
+    >>> problem = LimitProgram(builtin_scene("single-block"))
     >>> state = problem.run(problem.ladder()[0])
     >>> state.outcome.status, round(state.load_factor, 6)
     ('optimal', 0.4)
@@ -107,25 +99,6 @@ class LimitProblem(Changeable):
         self.reference: Any = None  # the last certifier, for the next
         self.shared: Any = None  # what certificates at several values of the Parameters share
 
-    def __repr__(self) -> str:
-        scene, limits = self.assemblage.scene, {**self.constraints, **self._limits}
-        sizes = [
-            f"{name} {sum(limit.size for limit in limits[name]):,}"
-            for name in limits
-            if limits[name]
-        ]
-        variables = sum(variable.size for variable in self._in_cvxpy[0].into.unknowns)
-        parts = [
-            f"{len(scene.free):,} blocks, {len(scene.contacts):,} contacts",
-            f"{variables:,} variables",
-            f"limits: {', '.join(sizes)}",
-        ]
-        own = self.given.parameters() + self.problem.parameters()
-        names = [f"{p.name()} {p.shape or ''}".strip() for p in dict.fromkeys(own)]
-        parts += [f"Parameters: {', '.join(names)}"] if names else []
-        parts += ["maximises an aim of one's own"] if self._aim is not None else []
-        return f"LimitProblem({scene.name!r}, {self.surface}: {'; '.join(parts)})"
-
     @cached_property
     def _in_rows(self) -> tuple[Stated, Written]:
         """The statement in rows, with limits and aim of one's own, and what was written."""
@@ -135,7 +108,7 @@ class LimitProblem(Changeable):
             own = self._own.state(
                 into, {variable.id: form for variable, form in self._pairs(stated)}
             )
-            goal = goal if self._aim is None else own
+            goal = goal if self.aim is None else own
         return stated, into.written(goal)
 
     def _pairs(self, stated: Stated) -> Iterator[tuple[cp.Variable, Any]]:
@@ -149,13 +122,6 @@ class LimitProblem(Changeable):
     def factor(self) -> cp.Expression:
         """The load factor, in CVXPY."""
         return self.scaling.load_factor(1.0) * self._in_cvxpy[0].factor
-
-    V1 = property(lambda self: self.forces["V1"], doc="Shear (n,) along t1, of all contacts.")
-    V2 = property(lambda self: self.forces["V2"], doc="Shear (n,) along t2, of all contacts.")
-    N = property(lambda self: self.forces["N"], doc="Compression (n,) of all contacts.")
-    M1 = property(lambda self: self.forces["M1"], doc="Moment (n,) about t1, of all contacts.")
-    M2 = property(lambda self: self.forces["M2"], doc="Moment (n,) about t2, of all contacts.")
-    MT = property(lambda self: self.forces["MT"], doc="Torsion (n,) of all contacts.")
 
     @cached_property
     def forces(self) -> dict[str, ContactForces]:
@@ -185,14 +151,19 @@ class LimitProblem(Changeable):
 
     @cached_property
     def problem(self) -> cp.Problem:
-        """The problem in CVXPY, every constraint with its label."""
+        """The problem in CVXPY, every constraint with its label; the load factor that it maximises
+        is in the user's units, and so are duals."""
         _, goal = self._in_cvxpy
         into = Constraints()
         into.named = dict(self.constraints)
-        for into.label, limits in self._limits.items():
+        for into.label, limits in self.limits.items():
             for limit in limits:
                 into.keep(limit)
-        return cp.Problem(cp.Maximize(goal if self._aim is None else self._aim), into.all)
+        if self.aim is not None:
+            wanted = cp.Maximize if self.sense > 0.0 else cp.Minimize
+            return cp.Problem(wanted(self.aim), into.all)
+        goal = self.factor if self.goal == LARGEST_FACTOR else goal
+        return cp.Problem(cp.Maximize(goal), into.all)
 
     @property
     def program(self) -> ConeProgram:
@@ -219,52 +190,6 @@ class LimitProblem(Changeable):
         dead, live = self.loads
         shared: ConeProgram = program.under(dead, live)
         return shared
-
-    def solve(
-        self,
-        solver: str | SolverSettings | None = None,
-        *,
-        tolerance: float = 1e-5,
-        verbose: bool = False,
-        **options: Any,
-    ) -> Solution:
-        """The load factor at the Parameters' present values, with its bracket.
-
-        Solved again after a Parameter has changed, it starts from the solve before, and keeps the
-        reference states of the certificate that still hold. Linear limits of one's own have a
-        bracket as well, and so has a linear aim under a load factor that a limit gives; the note
-        says why others have none. With an aim, :attr:`~cvxlimit.Solution.load_factor` and bracket
-        are those of its value, as ``quantity`` says.
-
-        Parameters
-        ----------
-        solver : str, SolverSettings or None
-            The one solver to use; None is the tested order.
-        tolerance : float
-            Relative width of the bracket that is asked for.
-        verbose : bool
-            True hands through what solvers print.
-        options
-            The solver's own, as ``max_iter=50``.
-
-        Raises
-        ------
-        ModelError, InputError
-            For a solver that is not installed, and for Parameters without a value or with one that
-            no scene can have.
-
-        Example
-        -------
-        >>> from cvxlimit import builtin_scene
-        >>> mu = cp.Parameter(value=0.7)
-        >>> problem = LimitProblem(builtin_scene("single-block"), friction=mu)
-        >>> found = [round(problem.solve().load_factor, 5)]
-        >>> mu.value = 0.3
-        >>> [*found, round(problem.solve().load_factor, 5)]
-        [0.4, 0.3]
-        """
-        solution: Solution = attached("problem_solve")(self, solver, tolerance, verbose, options)
-        return solution
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
         """Solvers in the order in which to try them for a bracket within ``tolerance``."""
@@ -300,8 +225,13 @@ class LimitProblem(Changeable):
             has_rows = settings.name != "CLARABEL" or settings.label == ""
         has_rows = has_rows and not getattr(self.goal, "is_quadratic", False)
         has_rows = has_rows and (self._own is None or self._own.has_rows)
-        if not settings.row.takes_matrices or not has_rows:
-            return self._run_by_cvxpy(settings)
+        is_direct = has_rows and settings.row.takes_matrices
+        state = self._run_rows(settings) if is_direct else self._run_by_cvxpy(settings)
+        if self.states is not None:
+            self.states.append(state)
+        return state
+
+    def _run_rows(self, settings: SolverSettings) -> LimitState:
         # the rows at the present values, and what solves of the same structure keep
         values, program, kept = None, self._shared, self._kept
         if program is None:
@@ -312,21 +242,12 @@ class LimitProblem(Changeable):
         # it starts from the last solve if a Parameter has changed since
         before, self._values_before = self._values_before, values
         is_warm = before is not None and values is not None and bool((before != values).any())
-        outcome, x, y = program.solve(settings, kept, is_warm, all_duals=self._own is not None)
-        if "_in_cvxpy" in self.__dict__ and x is not None:  # somebody may read its values
-            stated, _ = self._in_rows
-            for variable, form in self._pairs(stated):
-                variable.value = form.values(x).reshape(variable.shape)
-        multipliers = None
-        if self._own is not None and x is not None and y is not None:
-            # duals of limits of one's own, per unit of the load factor or of the aim
-            duals = y[self._own.places(program)]
-            self._own.tell(x, duals)
-            gain = 1.0 if self._aim is not None else self.scaling.load_factor(1.0)
-            multipliers = gain * self._own.multipliers(duals)
+        outcome, x, y = program.solve(settings, kept, is_warm, all_duals=True)
         state = self.state(outcome, x, y)
-        own = state.own if multipliers is None else {**state.own, "multipliers": multipliers}
-        return replace(state, own=own)
+        if self._own is not None and x is not None and y is not None:
+            multipliers = self._gain * self._own.multipliers(y[self._own.places(program)])
+            state = replace(state, own={**state.own, "multipliers": multipliers})
+        return replace(state, values=None if x is None else (x, y))
 
     def _run_by_cvxpy(self, settings: SolverSettings) -> LimitState:
         size = sum(parameter.size for parameter in self.problem.parameters())
@@ -337,18 +258,82 @@ class LimitProblem(Changeable):
         equations = self.constraints["equilibrium"][0].dual_value
         internal = np.concatenate([np.asarray(form.value).ravel() for form in stated.internal])
         own = {name: np.asarray(form.value).ravel() for name, form in stated.own.items()}
-        return self._state(outcome, internal, float(stated.factor.value), equations, own)
+        duals = None if equations is None else equations / self._gain
+        values = self.problem.solution
+        found = None if self._own is None else self._own.of_cvxpy(values.dual_vars)
+        own |= {} if found is None else {"multipliers": found}
+        state = self._state(outcome, internal, float(stated.factor.value), duals, own)
+        return replace(state, values=values)
+
+    # What CVXPY's variables, duals and problem say
+
+    @property
+    def _gain(self) -> float:
+        """What the objective in the user's units gains per unit of that of the rows."""
+        is_factor = self.aim is None and self.goal == LARGEST_FACTOR
+        return self.scaling.load_factor(1.0) if is_factor else 1.0
+
+    def tell(self, primal: LimitState, dual: LimitState | None = None, status: str = "") -> float:
+        """Give every variable, dual and the problem in CVXPY the values of an answer: forces of one
+        state, duals of it or of another; returns the objective's."""
+        found = self._solution(primal)
+        duals = found if dual is None or dual.values is None else self._solution(dual)
+        status = status or primal.outcome.status
+        told = Solution(status, found.opt_val, found.primal_vars, duals.dual_vars, {})
+        self.problem.unpack(told)
+        return float(self.problem.value)
+
+    def tell_none(self, status: str) -> None:
+        """As :meth:`tell` where there is no answer: as CVXPY does for that ``status``."""
+        is_known = status in keys.INF_OR_UNB
+        value = self.sense * (np.inf if "unbounded" in status else -np.inf)
+        self.problem.unpack(Solution(status if is_known else keys.INFEASIBLE, value, {}, {}, {}))
+        if not is_known:  # CVXPY raises there, and has no word for a problem to say so
+            self.problem._value, self.problem._status = None, keys.SOLVER_ERROR
+
+    @contextmanager
+    def untouched(self) -> Iterator[None]:
+        """Leaves the values of variables and duals as they are, whatever is told inside."""
+        said = self.problem.variables()
+        said += [dual for limit in self.problem.constraints for dual in limit.dual_variables]
+        before = [each.value for each in said]
+        try:
+            yield
+        finally:
+            for each, value in zip(said, before, strict=True):
+                each.save_value(value)
+
+    def _solution(self, state: LimitState) -> Solution:
+        """A state's values as CVXPY's record, by the ids of variables and constraints."""
+        if isinstance(state.values, Solution):
+            return state.values
+        (stated, _), theirs, (x, y) = self._in_rows, self._in_cvxpy[0].into, state.values
+        assert isinstance(theirs, Constraints)
+        primal = {v.id: form.values(x).reshape(v.shape) for v, form in self._pairs(stated)}
+        # both sinks were told the same in the same order, each kind of rows apart
+        duals, program = dict[int, FloatArray](), self.program
+        starts = {Equality: 0, Inequality: program.zero, cp.SOC: program.zero + program.nonneg}
+        for constraint in theirs.stated:
+            start, size = starts[type(constraint)], constraint.size
+            starts[type(constraint)] += size
+            dual = self._gain * y[start : start + size]
+            duals[constraint.id] = dual.reshape(constraint.shape) if size == 1 else dual
+        if self._own is not None:
+            own = self._own.solution(x, self._gain * y[self._own.places(program)])
+            primal, duals = {**own.primal_vars, **primal}, {**duals, **own.dual_vars}
+        return Solution(state.outcome.status, None, primal, duals, {})
 
     def state(self, outcome: Outcome, x: FloatArray | None, y: FloatArray | None) -> LimitState:
         """What a solution x of the program says, with duals y of its equations."""
         if x is None or y is None:
             return LimitState(outcome, None, None, None)
+        rows = len(self.equilibrium.rows)
         if self._shared is not None:
-            return self._state(outcome, x[: len(self._unit)], float(x[-1]), y, {})
+            return self._state(outcome, x[: len(self._unit)], float(x[-1]), y[:rows], {})
         stated, _ = self._in_rows
         internal = stacked(stated.internal).values(x)
         own = {name: np.asarray(form.values(x)).ravel() for name, form in stated.own.items()}
-        y = y[stated.before : stated.before + len(self.equilibrium.rows)]
+        y = y[stated.before : stated.before + rows]
         return self._state(outcome, internal, float(stated.factor.values(x)[0]), y, own)
 
     def _state(
@@ -361,6 +346,8 @@ class LimitProblem(Changeable):
         forces = self.model.forces(internal)
         if reduction.forces is not None:
             forces = np.asarray(reduction.forces @ forces.ravel()).reshape(-1, DOF)
+        if duals is not None and self.aim is not None:  # duals of an aim are in its units
+            duals = np.asarray(duals) / self.scaling.load_factor(1.0)
         return LimitState(
             outcome,
             self.scaling.load_factor(factor),
@@ -382,11 +369,11 @@ class LimitProblem(Changeable):
 
     # The same rows under another load
 
-    def dead_alone(self) -> LimitProblem:
+    def dead_alone(self) -> LimitProgram:
         """Which share, at most all, of the dead load alone is carried: these rows, another load."""
         assemblage, scaling = self.assemblage, self.scaling
         alone, goal = assemblage.alone(assemblage.statics.dead), LargestFactor(most=1.0)
-        result = LimitProblem(alone, self.surfaces, reduction=self.reduction, goal=goal)
+        result = LimitProgram(alone, self.surfaces, reduction=self.reduction, goal=goal)
         if alone.scaling.force != scaling.force:
             return result
         # Cached properties are filled, so that nothing is stated again. The dead load takes the

@@ -28,12 +28,13 @@ CONSTANT_COLUMN = -1
 
 
 class Constraints:
-    """Labelled CVXPY constraints; ``named`` has them by label, in the order in which they came, and
-    ``unknowns`` the variables."""
+    """Labelled CVXPY constraints; ``named`` has them by label, ``stated`` in the order in which
+    they came, and ``unknowns`` the variables."""
 
     def __init__(self) -> None:
         self.label = ""
         self.named: dict[str, list[cp.Constraint]] = {}
+        self.stated: list[cp.Constraint] = []
         self.unknowns: list[cp.Variable] = []
 
     def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Any:
@@ -57,6 +58,7 @@ class Constraints:
         if isinstance(constraint, cp.Constraint):  # a bare truth value says nothing of unknowns
             same = self.named.setdefault(self.label, [])
             same.append(constraint)
+            self.stated.append(constraint)
             if hasattr(constraint, "set_label"):  # since CVXPY 1.9
                 constraint.set_label(self.label if len(same) == 1 else f"{self.label} {len(same)}")
 

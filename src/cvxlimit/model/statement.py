@@ -100,7 +100,7 @@ def largest_self_stress(stated: Stated) -> Any:
 
 
 class Statement:
-    """What a limit problem says; see :class:`~cvxlimit.model.problem.LimitProblem`."""
+    """What a limit problem says; see :class:`~cvxlimit.model.problem.LimitProgram`."""
 
     def __init__(
         self,

@@ -42,7 +42,7 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.sinks import gathered
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.statics import DOF, Scaling, Statics
@@ -219,11 +219,11 @@ class Increment:
             scene._with_contacts(contacts), statics, scaling, Balance.of(statics)
         )
 
-    def problem(self, goal: Goal = LARGEST_FACTOR, held: FloatArray | None = None) -> LimitProblem:
+    def problem(self, goal: Goal = LARGEST_FACTOR, held: FloatArray | None = None) -> LimitProgram:
         """Returns the problem with a ``goal``, and with friction limited by ``held`` (k,) if
         given."""
         formulation = partial(point_forces, is_stated=held is None, held=held)
-        return LimitProblem(self.assemblage, [Rocking()], formulation=formulation, goal=goal)
+        return LimitProgram(self.assemblage, [Rocking()], formulation=formulation, goal=goal)
 
     def goal(self, push: Any, gap: Any, slip: tuple[Any, Any]) -> Callable[[Stated], Any]:
         """Returns the function that states the objective of the module's text, in units of the
@@ -300,7 +300,7 @@ class Increment:
         return (*blockwise(max(_GAP * len(self.points), 1e-12)), LADDER[-1])
 
     def _run(
-        self, problem: LimitProblem, ladder: Sequence[SolverSettings], near: Near | None = None
+        self, problem: LimitProgram, ladder: Sequence[SolverSettings], near: Near | None = None
     ) -> Found | Outcome:
         scaling, mu, program = self.assemblage.scaling, self.points.friction, problem.program
         memory: dict[str, Any] = {"starts": [] if near is None else near.starts(program)}

@@ -33,6 +33,8 @@ state that is strictly inside where they exceed.
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 
 from cvxlimit.base.arrays import EPSILON, FloatArray
@@ -62,8 +64,17 @@ class OwnCertifier:
         on_forces = np.diff(limits.matrix.indptr) > 0
         is_equation = limits.is_equation & ~on_forces & (limits.factor != 0.0)
         self._factor_equations = np.flatnonzero(is_equation)  # of the load factor alone
-        self._has_other_equations = bool((limits.is_equation & on_forces).any())
+        self._other_equations = np.flatnonzero(limits.is_equation & on_forces)
         self._abs_matrix = abs(limits.matrix)
+        # Where an equation gives the load factor, limits on that alone hold or not, exactly.
+        self._decided = np.flatnonzero(~on_forces & (len(self._factor_equations) > 0))
+        self._misses = np.array([0.0 if self._holds(j) else np.inf for j in self._decided])
+
+    def _holds(self, j: np.intp) -> bool:
+        """True if row j, of the load factor alone, holds at the one that an equation gives."""
+        given, g, b = self._factor_equations[0], self.limits.factor, self.limits.right
+        missed = Fraction(g[j]) * Fraction(b[given]) / Fraction(g[given]) - Fraction(b[j])
+        return missed == 0 or bool(missed < 0 and not self.limits.is_equation[j])
 
     @property
     def load_factor(self) -> float | None:
@@ -74,14 +85,31 @@ class OwnCertifier:
         return float(self.limits.right[j] / self.limits.factor[j])
 
     def excess(self, x: FloatArray, alpha: float) -> FloatArray:
-        """Returns by how much forces (n, 6) at alpha exceed each limit (m,), rounded up; zero for
-        the equation that gives the load factor, which holds exactly."""
+        """Returns by how much forces (n, 6) at alpha exceed each limit (m,), rounded up; zero or
+        infinity for limits on a load factor that an equation gives."""
         limits, flat = self.limits, x.ravel()
         magnitude = self._abs_matrix @ np.abs(flat) + np.abs(limits.factor * alpha)
         magnitude += np.abs(limits.right)
         excess = limits.matrix @ flat + limits.factor * alpha - limits.right + EPSILON * magnitude
-        excess[self._factor_equations[:1]] = 0.0
+        excess[self._decided] = self._misses
         return np.asarray(excess)
+
+    def why_open(self, bracket: Bracket) -> str:
+        """Why a bound is missing, in words."""
+        why = []
+        if not np.isfinite(bracket.lower) and len(self._other_equations):
+            name = self.limits.names[self._other_equations[0]]
+            why.append(f"no lower bound, since forces miss the equation {name!r} by rounding")
+        elif not np.isfinite(bracket.lower):
+            why.append(
+                "no lower bound, since no forces were found strictly inside strength and limits: "
+                "together they may leave no room, as where a limit holds friction at its limit"
+            )
+        if not np.isfinite(bracket.upper) and self.has_aim and self.load_factor is None:
+            why.append("no upper bound, since no equation gives the load factor")
+        elif not np.isfinite(bracket.upper):
+            why.append("no upper bound, since no mechanism was found that limits and joints allow")
+        return "; ".join(why)
 
     def upper(self, mechanism: FloatArray, multipliers: FloatArray) -> float:
         """Returns the upper bound on the aim that rates (free blocks, 6) and multipliers (m,)
@@ -155,7 +183,7 @@ class OwnCertifier:
     ) -> tuple[FloatArray, float] | None:
         """Returns contact forces (n, 6) and load factor of the mixture of two states with the least
         share of the reserve that is within strength and limits; None if there is none."""
-        if self._has_other_equations or len(self._factor_equations) > 1:
+        if len(self._other_equations):
             return None
         # Both states in equilibrium with their loads, at the load factor of an equation if any.
         certifier, strength = self.certifier, self.strength
@@ -177,7 +205,7 @@ class OwnCertifier:
         share, most = 0.0, 1.0
         for y, y_reserve in [*by_strength, by_limits]:
             is_over = y > 0.0
-            if (y_reserve[is_over] >= 0.0).any():
+            if (y_reserve[is_over] >= 0.0).any():  # among them limits that exactly do not hold
                 return None
             crosses = is_over | (y_reserve > 0.0)
             crossing = y[crosses] / (y - y_reserve)[crosses]
@@ -218,6 +246,11 @@ class OwnCertifier:
             upper = self.upper(mechanism, multipliers)
         if x is not None and alpha is not None and reserve is not None:
             lower = self.lower(x, alpha, *reserve, mechanism, multipliers)
-        least = self.certifier.assemblage.scaling.least
+        scaling = self.certifier.assemblage.scaling
+        least = scaling.least
+        if self.has_aim:  # in its own units: that of the largest force it counts
+            sizes = np.abs(self.of_forces).reshape(-1, DOF) * np.repeat([1.0, scaling.length], 3)
+            size = float(sizes.max()) * scaling.force / scaling.ratio + abs(self.of_factor)
+            least *= size
         proofs = bool(np.isfinite(lower)), bool(np.isfinite(upper))
         return Bracket(lower, upper, *proofs, least)

@@ -293,8 +293,8 @@ def _checked(solution: Solution) -> tuple[YieldSurface, ...]:
         why = "the exact limit of torsion with shear is stated by no surface: take 'parabolic'"
     elif solution.quantity != LOAD_FACTOR:
         why = f"it is about the {solution.quantity}"
-    elif "problem" in solution.__dict__ and solution.problem.has_own:
-        why = f"it was solved with {solution.problem.said_own}, whose part is not counted"
+    elif own := solution.__dict__.get("own_limits"):
+        why = f"it was solved with {own}, whose part is not counted"
     elif solution.load_factor is None or solution.forces is None or solution.mechanism is None:
         why = f"it has no load factor with forces and mechanism ({solution.status})"
     if why:

@@ -15,7 +15,7 @@ from cvxlimit.base.checks import meant
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import Stated
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import reading_of
@@ -81,7 +81,7 @@ def least_used(
     if scene.ties or (forces[:, 2] < -TOLERANCE * most).any():
         return None  # what pulls has no share of a compression
     assemblage, below = Assemblage.of(scene), (1.0 - _N.below) * factor
-    problem = LimitProblem(assemblage, surfaces, goal=LeastUse(surfaces, below, most))
+    problem = LimitProgram(assemblage, surfaces, goal=LeastUse(surfaces, below, most))
     for settings in problem.ladder():
         found = problem.run(settings).forces
         if found is not None and _is_good(assemblage, surfaces, below, found, most):

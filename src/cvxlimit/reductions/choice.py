@@ -22,7 +22,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance, Reduction
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.mirror import Mirror, find_mirror
@@ -315,7 +315,7 @@ def explain(
     found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
     state = Certifier(found.assemblage, surfaces).witnesses.easy_dead_state
     problems = {
-        ("full", *step.names)[-1]: LimitProblem(found.assemblage, surfaces, reduction=step)
+        ("full", *step.names)[-1]: LimitProgram(found.assemblage, surfaces, reduction=step)
         for step in found.steps(state)
     }
     *_, last = problems.values()

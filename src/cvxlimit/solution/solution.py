@@ -290,7 +290,7 @@ class Solution:
         -------
         >>> from cvxlimit import builtin_scene, solve
         >>> problem = solve(builtin_scene("single-block")).problem
-        >>> problem.add("prop", problem.V1 >= -1.0)
+        >>> limit = problem.add("prop", problem.V1 >= -1.0)
         >>> round(problem.solve().load_factor, 4)
         0.3125
         """

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, cast
 
 import cvxpy.settings as keys
@@ -200,13 +201,18 @@ class _Ordered:
         return cls(program, order_of(program))
 
 
+OPTIONS: Mapping[str, Any] = MappingProxyType(
+    {"tolerance": 1e-11, "residual": None, "max_iter": 150}
+)
+"""Options of :class:`Blockwise`, with their defaults."""
+
+
 def _checked(options: _Named) -> _Named:
     """Returns all options, with defaults for those not given. Raises SolverError for others."""
-    known = {"tolerance": 1e-11, "residual": None, "max_iter": 150}
-    if unknown := [*options.keys() - known.keys()]:
-        has = f"its options are {', '.join(known)}"
+    if unknown := [*options.keys() - OPTIONS.keys()]:
+        has = f"its options are {', '.join(OPTIONS)}"
         raise SolverError(f"blockwise has no option {unknown[0]!r}; {has}")
-    return {**known, **options}
+    return {**OPTIONS, **options}
 
 
 class Rescaled(Blockwise):

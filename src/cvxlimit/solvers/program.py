@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -26,11 +26,12 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import meant
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.running import Outcome, attempted, run
-from cvxlimit.solvers.table import SolverSettings
+from cvxlimit.solvers.table import SolverSettings, options_of
 
 _NO_DUALS = "failed: returned no duals"
 
@@ -179,6 +180,33 @@ class ConeProgram:
             own = [self.right[first + i] - rows[first + i] @ x for i in range(size)]
             stated.append(cp.SOC(own[0], cp.vstack(own[1:]), axis=0) if size > 1 else own[0] >= 0)
         return cp.Problem(cp.Minimize(self.cost @ x), stated), x, equations
+
+
+def check_options(
+    settings: SolverSettings, options: Mapping[str, Any], others: Sequence[str]
+) -> None:
+    """Tries a solver's options on two unknowns.
+
+    Raises
+    ------
+    TypeError
+        For an option that the solver does not have or take; the message names what is like it of
+        its options, and of the ``others`` that a call takes.
+    """
+    known = options_of(settings.name)
+    for option in options if known else ():
+        if option not in known:
+            hint = meant(option, [*known, *others], f"its options are {', '.join(sorted(known))}")
+            raise TypeError(f"{settings.name} has no option {option!r}: {hint}")
+    matrix = sp.csc_array([[1.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    small = ConeProgram(np.ones(2), matrix, np.array([1.0, 0.0, 0.0]), 1, 2)
+    tried = replace(settings, options={**settings.options, **options}, verbose=False)
+    status = small.solve(tried)[0].status
+    if status.startswith("failed: ") and not status.startswith("failed: Solver"):
+        given = ", ".join(f"{name}={value!r}" for name, value in options.items())
+        reason = status.removeprefix("failed: ")
+        hint = "".join(meant(option, others, before="; ") for option in options)
+        raise TypeError(f"{settings.name} does not take {given}: {reason}{hint}")
 
 
 @cache

@@ -60,6 +60,8 @@ class LimitState:
         Internal forces of the formulation.
     own : mapping from str to array
         Values of unknowns that the problem's goal added, by name.
+    values : (x, y) or CVXPY's Solution, or None
+        All unknowns and all duals as the solver returned them, for those who read them in CVXPY.
     """
 
     outcome: Outcome
@@ -68,6 +70,7 @@ class LimitState:
     mechanism: FloatArray | None
     internal: FloatArray | None = None
     own: Mapping[str, FloatArray] = field(default_factory=dict)
+    values: Any = None
 
 
 def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False) -> Outcome:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache
+from importlib import import_module
 from types import MappingProxyType
 from typing import Any
 
@@ -17,7 +18,7 @@ from cvxlimit.base.checks import ratio
 from cvxlimit.base.versions import __version__, version_of
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers.extensions import INTERIOR
-from cvxlimit.solvers.own import Blockwise, Rescaled
+from cvxlimit.solvers.own import OPTIONS, Blockwise, Rescaled
 
 
 @dataclass(frozen=True)
@@ -193,6 +194,25 @@ def check_installed(settings: SolverSettings) -> None:
         raise ModelError(f"there is no solver {name!r}; {hint}")
     if name in UNBUILT:
         raise ModelError(f"solver {name} is not here: it needs a C compiler at installation")
+
+
+def options_of(solver: str) -> frozenset[str]:
+    """Returns the names of a solver's options; none where only the solver knows them.
+
+    >>> "max_iter" in options_of("CLARABEL")
+    True
+    """
+    if solver == "BLOCKWISE":
+        return frozenset(OPTIONS)
+    if solver == "RESCALED":
+        return options_of("CLARABEL") | {"first"}
+    holders = {
+        "CLARABEL": lambda: import_module("clarabel").DefaultSettings(),
+        "HIGHS": lambda: import_module("highspy").HighsOptions(),
+        "QOCO": lambda: import_module("qoco").QOCO().ext.QOCOSettings(),
+    }
+    holder = holders[solver]() if solver in holders and solver in installed() else None
+    return frozenset(name for name in dir(holder) if holder and not name.startswith("_"))
 
 
 def able(with_cones: bool = False) -> list[str]:

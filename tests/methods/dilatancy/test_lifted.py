@@ -18,7 +18,7 @@ from cvxlimit.methods.dilatancy.lifted import (
     lifted_bound,
 )
 from cvxlimit.methods.driver import Run, drive
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Member
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
@@ -74,7 +74,7 @@ def test_solutions_satisfy_every_row() -> None:
     scene = built(running_bond(2, 3), 0.3, 0.6)
     run = Run(scene)
     found = Reductions.of(run.assemblage, DEFAULT_SURFACES, model="least")
-    problem = LimitProblem(found.assemblage, DEFAULT_SURFACES, reduction=found.best())
+    problem = LimitProgram(found.assemblage, DEFAULT_SURFACES, reduction=found.best())
     products = _Products.of(problem)
     assert products is not None
     scaling, model = problem.scaling, problem.model

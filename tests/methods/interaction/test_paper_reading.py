@@ -20,7 +20,7 @@ from cvxlimit.methods.driver import Run, drive
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.interaction.restriction.slater import carrying_forces
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.readings.flow import InteractionFlow
 from cvxlimit.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.readings.named import (
@@ -414,7 +414,7 @@ class TestIteration:
         scene = builtin_scene("tuff-wall")
         first = solve(scene, ladder=["CLARABEL"])
         at = SIGNED.eccentricity(Pressure.of(first.forces, scene.contacts), scene.contacts)
-        state = LimitProblem(scene, (Rocking(), _Bare(at))).run(settings_for("CLARABEL", 1e-9))
+        state = LimitProgram(scene, (Rocking(), _Bare(at))).run(settings_for("CLARABEL", 1e-9))
         (excess,) = Sliding().excess(state.forces, scene.contacts)
         assert excess.max() > _weight(scene)
         assert state.load_factor > 1.2 * first.load_factor

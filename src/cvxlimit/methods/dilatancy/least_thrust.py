@@ -30,7 +30,7 @@ from cvxlimit.methods.dilatancy.tresca import is_friction, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.wedging import with_contacts_of
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LargestFactor, Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.gluing import with_contacts
@@ -212,7 +212,7 @@ class _Search:
             self.weight = cp.Parameter(len(self.kept), nonneg=True)
             self.at = cp.Parameter()
             goal = LeastThrust(self.weight, self.at)
-            self.problem = LimitProblem(
+            self.problem = LimitProgram(
                 found.assemblage, run.surfaces, reduction=found.best(), goal=goal
             )
         with run.clock.phase("certify"):
@@ -308,7 +308,7 @@ class _Search:
         self.thrusts.show(self.factor, state.forces[:, COLUMN["N"]])
         return state
 
-    def _solved(self, problem: LimitProblem) -> LimitState:
+    def _solved(self, problem: LimitProgram) -> LimitState:
         self.solves += 1
         return self.run.try_solvers(problem.run, self.run.ladder or problem.ladder()[:2])[0]
 
@@ -390,7 +390,7 @@ class _Search:
         with self.run.clock.phase("compile"):
             found = self._reduced(surfaces)
             goal, reduction = LargestFactor(most=most), found.best()
-            problem = LimitProblem(found.assemblage, surfaces, reduction=reduction, goal=goal)
+            problem = LimitProgram(found.assemblage, surfaces, reduction=reduction, goal=goal)
         state = self._solved(problem)
         if state.forces is None or state.load_factor is None:
             return -np.inf, None

@@ -55,7 +55,7 @@ from cvxlimit.base.checks import count, not_negative
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.dilatancy.least_thrust import LeastThrust
 from cvxlimit.methods.driver import Run
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.minorant import minorant
 from cvxlimit.reductions.choice import Reductions
@@ -152,7 +152,7 @@ class _Products:
     size: FloatArray
 
     @classmethod
-    def of(cls, problem: LimitProblem) -> _Products | None:
+    def of(cls, problem: LimitProgram) -> _Products | None:
         """Returns the rows of a problem; None if it is not planar or has several laws of
         friction."""
         program, model = problem.program, problem.model
@@ -213,10 +213,10 @@ def lifted_bound(run: Run, start: float, upper: float, settings: Lifted) -> Iter
         found = Reductions.of(run.assemblage, run.surfaces, model="least")
         found = replace(found, mirror=None, loaded=None)
         weight, at = cp.Parameter(len(run.contacts)), cp.Parameter()
-        pressing = LimitProblem(
+        pressing = LimitProgram(
             found.assemblage, run.surfaces, reduction=found.best(), goal=LeastThrust(weight, at)
         )
-        problem = LimitProblem(found.assemblage, run.surfaces, reduction=found.best())
+        problem = LimitProgram(found.assemblage, run.surfaces, reduction=found.best())
         products = _Products.of(problem)
     if products is None:
         yield result("the lifted problem is for scenes in a plane, with one law of friction")
@@ -373,7 +373,7 @@ def _products(strength: sp.csr_array, flow: sp.csr_array, pairs: IntArray) -> sp
     return sp.csr_array((one.data[i] * two.data[k], (row, column)), shape=shape)
 
 
-def _near(problem: LimitProblem, radius: int | None) -> BoolArray:
+def _near(problem: LimitProgram, radius: int | None) -> BoolArray:
     """Pairs of contacts (n, n) whose blocks are at most so many contacts apart."""
     contacts, statics = problem.model.contacts, problem.assemblage.statics
     n = len(contacts)
@@ -393,7 +393,7 @@ def _near(problem: LimitProblem, radius: int | None) -> BoolArray:
     return np.asarray(found <= radius)
 
 
-def _largest_compression(run: Run, problem: LimitProblem, start: float, upper: float) -> float:
+def _largest_compression(run: Run, problem: LimitProgram, start: float, upper: float) -> float:
     """No contact is pressed by more at load factors between these, over the unit of force: no more
     than all together; infinite where that is not proved."""
     state, _ = run.try_solvers(problem.run, problem.ladder()[:2])

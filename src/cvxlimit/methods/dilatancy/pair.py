@@ -39,7 +39,7 @@ from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.dilatancy.tresca import HeldFlow, HeldFormulation, tresca
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import Reductions, contacts_of
@@ -101,18 +101,18 @@ class Reduced:
         each = slice(at, None, len(COMPONENTS))
         self.lift = sp.eye_array(n, format="csr") if lift is None else lift[each][:, each].tocsr()
 
-    def problem(self, goal: Goal = LARGEST_FACTOR) -> LimitProblem:
+    def problem(self, goal: Goal = LARGEST_FACTOR) -> LimitProgram:
         """Returns the problem with friction as it is."""
-        return LimitProblem(self.assemblage, self.surfaces, reduction=self.reduction, goal=goal)
+        return LimitProgram(self.assemblage, self.surfaces, reduction=self.reduction, goal=goal)
 
-    def held(self, pressed: cp.Parameter, tilt: float = 0.0) -> LimitProblem:
+    def held(self, pressed: cp.Parameter, tilt: float = 0.0) -> LimitProgram:
         """Returns the problem with friction held at compressions (k,) of the kept contacts;
         ``tilt`` as in :func:`~.tresca.held`."""
         reduction, own = self.reduction, self.reduction.formulation
         if own is not corner_compressions:
             reduction = replace(reduction, formulation=HeldFormulation(own, pressed, tilt))
         surfaces = tresca(self.surfaces, pressed, tilt)
-        return LimitProblem(self.assemblage, surfaces, reduction=reduction)
+        return LimitProgram(self.assemblage, surfaces, reduction=reduction)
 
 
 class Pair:
@@ -158,7 +158,7 @@ class Pair:
         self.run.note(replace(state, load_factor=None), f"{settings}, friction held")
         return state
 
-    def _solved(self, problem: LimitProblem, tolerance: float) -> tuple[LimitState, SolverSettings]:
+    def _solved(self, problem: LimitProgram, tolerance: float) -> tuple[LimitState, SolverSettings]:
         self.solved += 1
         return self.run.try_solvers(problem.run, self.run.ladder or ladder(tolerance))
 

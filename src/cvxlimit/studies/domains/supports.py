@@ -18,7 +18,7 @@ from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import BOUNDLESS, Run, packed
 from cvxlimit.model.assemblage import Reduction
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LargestFactor, Stated, largest_self_stress
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
@@ -162,7 +162,7 @@ class Structure:
         self.centre = np.zeros(len(loads))
         sizes, ways = np.linalg.svd(self.forces, full_matrices=False)[1:]
         self.idle = ways[sizes <= 1e-12 * sizes.max()]
-        self._problems: dict[float | None, tuple[_Reach, LimitProblem]] = {}
+        self._problems: dict[float | None, tuple[_Reach, LimitProgram]] = {}
         self._proved: WeakKeyDictionary[Raw, Support] = WeakKeyDictionary()
 
     def acting(self, direction: FloatArray) -> FloatArray:
@@ -228,7 +228,7 @@ class Structure:
     def _size(self, normal: FloatArray) -> float:
         return float(np.linalg.norm(normal * self.units))
 
-    def _problem(self, dead: float | None) -> tuple[_Reach, LimitProblem]:
+    def _problem(self, dead: float | None) -> tuple[_Reach, LimitProgram]:
         if dead not in self._problems:
             reach = _Reach(self.forces, dead)
             surfaces, formulation = self.surfaces, self.run.formulation
@@ -236,7 +236,7 @@ class Structure:
             if dead == 0.0:
                 surfaces, formulation = self.certifier.strength.recession()
                 reduction = reduction if formulation is self.run.formulation else None
-            problem = LimitProblem(
+            problem = LimitProgram(
                 self.assemblage, surfaces, formulation=formulation, reduction=reduction, goal=reach
             )
             self._problems[dead] = reach, problem
@@ -250,7 +250,7 @@ class Structure:
         if self.certifier.witnesses.easy_dead_state is not None or not self.dead.any():
             return self.certifier.witnesses.easy_dead_state is not None
         formulation = self.run.formulation
-        problem = LimitProblem(
+        problem = LimitProgram(
             self.assemblage.alone(self.dead), self.surfaces, formulation=formulation,
             reduction=self.reduction, goal=LargestFactor(most=1.0),
         )  # fmt: skip
@@ -371,7 +371,7 @@ class Structure:
 
     def _seek_field(self) -> None:
         self._has_field = True  # asked once
-        problem = LimitProblem(
+        problem = LimitProgram(
             self.assemblage, self.surfaces, goal=largest_self_stress, reduction=self.reduction
         )
         for settings in problem.ladder()[:2]:

@@ -52,7 +52,7 @@ from cvxlimit.methods.interaction.relaxation.column_blocks import (
 )
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import resultants
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.sinks import Constraints, Form, Rows, gathered, stacked
 from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.states.disjuncts import Disjuncts, disjunct_arms, sheared
@@ -96,7 +96,7 @@ class HullProblem:
         self.assemblage, self.half = Assemblage.of(scene), half
         whole = Reduction.none(self.assemblage.statics, resultants)
         reduction = whole if half is None else half.reduction(whole)
-        plain = LimitProblem(self.assemblage, (Rocking(),), reduction=reduction)
+        plain = LimitProgram(self.assemblage, (Rocking(),), reduction=reduction)
         self.scaling, self.equilibrium = self.assemblage.scaling, plain.equilibrium
         # The formulation has one component of all contacts after the other; here all components of
         # a contact stand together.

@@ -22,7 +22,7 @@ from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import PROOF
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LargestFactor
 from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.slater import Witnesses
@@ -124,7 +124,7 @@ class LowerBounds:
         if inside or not np.any(self.statics.dead):
             return inside
         alone = self.assemblage.alone(self.statics.dead)
-        problem = LimitProblem(alone, goal=LargestFactor(most=1.0))
+        problem = LimitProgram(alone, goal=LargestFactor(most=1.0))
         forces = carried(problem.run(default_ladder()[0]))
         if forces is None:
             return ()

@@ -18,7 +18,7 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
 )
 from cvxlimit.methods.interaction.restriction.steps import SafeStep
 from cvxlimit.methods.interaction.settings import CLIMB, PROOF
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LargestFactor
 from cvxlimit.proof.admissible import INSIDE, carried_exactly
 from cvxlimit.readings.states.majorants import Point
@@ -47,7 +47,7 @@ def _candidates(
     """Yields contact forces (n, 6) that might do, by problems that cost more and more."""
     # Forces without interaction.
     alone = run.assemblage.alone(load)
-    problem = LimitProblem(alone, goal=LargestFactor(most=1.0))
+    problem = LimitProgram(alone, goal=LargestFactor(most=1.0))
     plain, _ = run.try_solvers(problem.run, ladder)
     if (forces := carried(plain)) is not None:
         yield forces

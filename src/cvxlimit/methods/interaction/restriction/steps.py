@@ -20,7 +20,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
-from cvxlimit.model.problem import LimitProblem
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import Stated
 from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
@@ -135,7 +135,7 @@ class StatedStep:
         given = Reduction.none(step.assemblage.statics, formulation)
         given = given if half is None else half.reduction(given)
         surfaces = Rocking(), surface
-        self.problem = LimitProblem(step.assemblage, surfaces, reduction=given, goal=goal)
+        self.problem = LimitProgram(step.assemblage, surfaces, reduction=given, goal=goal)
         self.problem._kept = cache
 
     def set(self, point: Point, price: float | None, curvature: float, most: float | None) -> None:
