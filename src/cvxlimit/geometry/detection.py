@@ -13,8 +13,15 @@ from cvxlimit.base.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.facets import SAME_WAY, Facets, planes
-from cvxlimit.geometry.facing import FacetTable, Reach, facet_table, facing_pairs, patches
+from cvxlimit.geometry.facets import SAME_WAY, planes
+from cvxlimit.geometry.facing import (
+    FacetTable,
+    Reach,
+    Shapes,
+    facet_table,
+    facing_pairs,
+    patches,
+)
 from cvxlimit.geometry.joints import Joints
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
 from cvxlimit.geometry.nearby import nearby_pairs
@@ -86,13 +93,13 @@ class CurvedJoints:
         which = np.unique(self.table.block[patches])
         blocks = [self.blocks[i] for i in which.tolist()]
         patch_of: list[IntArray] = []  # per block: the row of each face's patch, or -1
-        shapes: dict[Facets, list[int]] = defaultdict(list)
+        shapes: Shapes = defaultdict(list)
         for i, block in enumerate(blocks):
             patch_of.append(np.full(len(block.faces), -1))
             for k in patches[self.table.block[patches] == which[i]].tolist():
                 patch_of[i][list(self.table.faces[k])] = k
             facets = planes(block.vertices, block.faces, np.flatnonzero(patch_of[i] >= 0))
-            shapes[facets].append(i)
+            shapes[block.faces, facets].append(i)
         table = facet_table(blocks, shapes)
         patch = [patch_of[i][group[0]] for i, group in zip(table.block, table.faces, strict=True)]
         table = replace(table, sheet=self.table.sheet[patch], patch=self.table.patch[patch])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import reduce
 
@@ -87,11 +87,15 @@ def patches(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[Fac
     return facet_table(blocks, _shapes(blocks, tolerance)), Reach(size, tolerance, near)
 
 
-def facet_table(blocks: Sequence[Block], shapes: Mapping[Facets, list[int]]) -> FacetTable:
-    """The facets of all blocks in one table. ``shapes`` says which blocks (their numbers) have
-    which facets; each block is listed once."""
-    width = max(len(piece) for shape in shapes for piece in shape.pieces)
-    parts = [_part(blocks, shape, np.array(which), width) for shape, which in shapes.items()]
+Shapes = dict[tuple[Faces, Facets], list[int]]
+"""The numbers of the blocks that list the same faces and have the same facets. Facets alone do not
+tell blocks alike: they number faces, which may be cut otherwise or have further vertices."""
+
+
+def facet_table(blocks: Sequence[Block], shapes: Shapes) -> FacetTable:
+    """The facets of all blocks in one table, as ``shapes`` has them; each block is listed once."""
+    width = max(len(piece) for _, shape in shapes for piece in shape.pieces)
+    parts = [_part(blocks, shape, np.array(which), width) for (_, shape), which in shapes.items()]
     columns = ([getattr(p, f.name) for p in parts] for f in fields(FacetTable))
     joined = FacetTable(*map(np.concatenate, columns))
     table = joined.take(np.argsort(joined.block, kind="stable"))
@@ -120,29 +124,29 @@ def _extents(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray]:
     return size, thickness
 
 
-def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> dict[Facets, list[int]]:
-    """Facets, with the numbers of the blocks that have them.
+def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> Shapes:
+    """The shapes of all blocks.
 
     Blocks with the same faces mostly have the same facets. So the facets of one block are tried on
     all others at once, beginning with "each face is a facet"; where they do not fit, the next block
     is grouped on its own and tried on the rest.
     """
-    result: dict[Facets, list[int]] = defaultdict(list)
+    result: Shapes = defaultdict(list)
     for faces, which in _same_faces(blocks).items():
         shape, remaining = Facets.of_faces(faces), np.array(which)
         if all(blocks[i].bounds is not None for i in which):
-            result[shape] += which
+            result[faces, shape] += which
             continue
         is_tried = len(faces) <= _FEW and all(blocks[i].is_convex for i in which)
         while len(remaining):
             if is_tried:
                 fits = _fits(_points(blocks, remaining), shape, faces, tolerance[remaining])
-                result[shape] += remaining[fits].tolist()
+                result[faces, shape] += remaining[fits].tolist()
                 remaining = remaining[~fits]
             if len(remaining):
                 first, remaining = int(remaining[0]), remaining[1:]
                 shape = blocks[first].facets(float(tolerance[first]))
-                result[shape].append(first)
+                result[faces, shape].append(first)
                 is_tried = len(shape.faces) <= _FEW
     return {shape: which for shape, which in result.items() if which}
 
