@@ -21,19 +21,32 @@ from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 NEAR = 30.0
 """Joints that miss the joint tolerance by less than this factor are near misses."""
 
-_THROUGH = 0.3
-"""A gap wider than this share of a block's mean thickness is no near miss: with a tolerance that
-is coarse for thin blocks, the next block but one would be."""
+THROUGH = 0.3
+"""A gap wider, and an overlap deeper, than this share of a block's mean thickness is no inexact
+joint: with a tolerance that is coarse for thin blocks, the next block but one would be a near
+miss."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Lengths of each block, (n,) each: its ``size`` (diagonal of its box), its joint ``tolerance``
-    and ``near``, the distance up to which another block is a near miss."""
+    """Lengths of each block, (n,) each: its ``size`` (diagonal of its box), its mean ``thickness``,
+    its joint ``tolerance`` and ``near``, the distance up to which another block is a near miss."""
 
     size: FloatArray
+    thickness: FloatArray
     tolerance: FloatArray
     near: FloatArray
+
+    @classmethod
+    def of(cls, blocks: Sequence[Block], joint_tolerance: float | None) -> Reach:
+        """With one tolerance for all (length), or, for None, the default share of each block's
+        thickness."""
+        size, thickness = _extents(blocks)
+        tolerance = JOINT_TOLERANCE * thickness
+        if joint_tolerance is not None:
+            tolerance = np.full(len(blocks), joint_tolerance)
+        near = np.maximum(np.minimum(NEAR * tolerance, THROUGH * thickness), tolerance)
+        return cls(size, thickness, tolerance, near)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,15 +89,9 @@ class FacetTable:
         return FacetTable(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
-def patches(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[FacetTable, Reach]:
-    """The facets of all blocks, grouped within the joint tolerance (length; None: the default share
-    of each block's thickness), and the tolerances and distances that go with them."""
-    size, thickness = _extents(blocks)
-    tolerance = JOINT_TOLERANCE * thickness
-    if joint_tolerance is not None:
-        tolerance = np.full(len(blocks), joint_tolerance)
-    near = np.maximum(np.minimum(NEAR * tolerance, _THROUGH * thickness), tolerance)
-    return facet_table(blocks, _shapes(blocks, tolerance)), Reach(size, tolerance, near)
+def patches(blocks: Sequence[Block], reach: Reach) -> FacetTable:
+    """The facets of all blocks, grouped within their joint tolerances."""
+    return facet_table(blocks, _shapes(blocks, reach.tolerance))
 
 
 Shapes = dict[tuple[Faces, Facets], list[int]]
@@ -257,7 +264,7 @@ def facing_pairs(
     block_low, block_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
     # Every piece of the first block whose box meets that of the second, with every piece of the
     # second; in portions, so that memory does not grow with the number of pairs.
-    most = _NUMBERS // table.corners[0].size
+    most = NUMBERS // table.corners[0].size
     found = [np.empty((2, 0), dtype=np.int64)]
     for some in portions(pieces[first], most):
         pair, lower = members_of(start, len(table.block), first[some])
@@ -271,7 +278,7 @@ def facing_pairs(
     return lower, upper
 
 
-_NUMBERS = 2**21
+NUMBERS = 2**21
 """Numbers in an array of rows of corners: 16 MB, of which some six are alive at a time."""
 
 

@@ -57,7 +57,7 @@ class NearMiss:
     def sentence(self, unit: str = "") -> str:
         cure = "; no joint tolerance joins faces that are so steep to each other"
         if self.cure < math.inf:
-            cure = f"; a joint tolerance of {_rounded_up(self.cure)} joins them"
+            cure = f"; a joint tolerance of {rounded_up(self.cure)} joins them"
         unit = f" {unit}" if unit else ""
         ends = [gap if abs(gap) > 1e-9 * self.size else 0.0 for gap in self.gaps]  # rounding
         nearest, farthest = (
@@ -75,7 +75,7 @@ class NearMiss:
         return f"{self.a}-{self.b}: {words}"
 
 
-def _rounded_up(length: float) -> str:
+def rounded_up(length: float) -> str:
     """Three digits, of which the last is rounded up."""
     step = 10.0 ** (math.floor(math.log10(length)) - 2)
     return f"{math.ceil(length / step) * step:.3g}"
