@@ -82,13 +82,20 @@ def rounded_up(length: float) -> str:
 
 
 def near_miss_sentence(near_misses: Sequence[NearMiss], unit: str = "") -> str:
-    """How many there are, and the worst: the nearest to a joint. Empty without any."""
+    """How many there are, the worst, which is the nearest to a joint, and the joint tolerance that
+    joins all that any can. Empty without any."""
     if not near_misses:
         return ""
     worst = min(near_misses, key=lambda miss: (miss.kind == "sliver", miss.factor))
+    cures = [miss.cure for miss in near_misses if miss.kind != "sliver" and miss.cure < math.inf]
     if len(near_misses) == 1:
-        return f"1 joint is nearly there but is none; {worst.sentence(unit)}"
-    return (
-        f"{len(near_misses)} joints are nearly there but are none; the nearest is "
-        f"{worst.sentence(unit)}"
-    )
+        said, all_of_them = f"1 joint is nearly there but is none; {worst.sentence(unit)}", "it"
+    else:
+        said = (
+            f"{len(near_misses)} joints are nearly there but are none; the nearest is "
+            f"{worst.sentence(unit)}"
+        )
+        all_of_them = "all" if len(cures) == len(near_misses) else f"{len(cures)} of them"
+    if not cures or (worst.kind == "angle" and len(near_misses) == 1):  # which names its own
+        return said
+    return f"{said}; a joint tolerance of {rounded_up(max(cures))} joins {all_of_them}"
