@@ -25,7 +25,7 @@ from cvxlimit.geometry.facing import (
 from cvxlimit.geometry.joints import Joints
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
 from cvxlimit.geometry.nearby import nearby_pairs
-from cvxlimit.geometry.nearmisses import NearMiss
+from cvxlimit.geometry.nearmisses import NearMiss, cure_of_all, rounded_up
 from cvxlimit.geometry.penetration import Overlaps
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 
@@ -259,13 +259,15 @@ def _check_every_block_is_held(
     own_misses = [miss for miss in misses if named.id in (miss.a, miss.b)]
     nearest = min(own_misses, key=lambda miss: miss.factor, default=None)
     hint = f" ({nearest.sentence()})" if nearest else ""
-    cure = ""
-    if nearest and nearest.can_be_joined:
-        size = "smaller" if nearest.kind == "sliver" else "larger"
-        cure = f", give a {size} joint_tolerance"
+    cure, (enough, count) = "", cure_of_all(misses)
+    if nearest and nearest.kind == "sliver":
+        cure = "give a smaller joint_tolerance, "
+    elif nearest and nearest.can_be_joined:
+        cure = f"give a joint_tolerance of {rounded_up(enough)}, "
+        cure += f"which joins all {count} that are nearly there, " if count > 1 else ""
     raise GeometryError(
         f"block {named.id!r} (centre {named.centroid.round(6).tolist()}) touches no other "
-        f"block{hint}: move it so that a face meets another block's face{cure}, tie it to one, or "
+        f"block{hint}: {cure}move it so that a face meets another block's face, tie it to one, or "
         "remove it",
         points=named.vertices,
         blocks=(named.id,),

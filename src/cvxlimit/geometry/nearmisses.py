@@ -87,7 +87,7 @@ def near_miss_sentence(near_misses: Sequence[NearMiss], unit: str = "") -> str:
     if not near_misses:
         return ""
     worst = min(near_misses, key=lambda miss: (miss.kind == "sliver", miss.factor))
-    cures = [miss.cure for miss in near_misses if miss.kind != "sliver" and miss.cure < math.inf]
+    enough, count = cure_of_all(near_misses)
     if len(near_misses) == 1:
         said, all_of_them = f"1 joint is nearly there but is none; {worst.sentence(unit)}", "it"
     else:
@@ -95,7 +95,14 @@ def near_miss_sentence(near_misses: Sequence[NearMiss], unit: str = "") -> str:
             f"{len(near_misses)} joints are nearly there but are none; the nearest is "
             f"{worst.sentence(unit)}"
         )
-        all_of_them = "all" if len(cures) == len(near_misses) else f"{len(cures)} of them"
-    if not cures or (worst.kind == "angle" and len(near_misses) == 1):  # which names its own
+        all_of_them = "all" if count == len(near_misses) else f"{count} of them"
+    if not count or (worst.kind == "angle" and len(near_misses) == 1):  # which names its own
         return said
-    return f"{said}; a joint tolerance of {rounded_up(max(cures))} joins {all_of_them}"
+    return f"{said}; a joint tolerance of {rounded_up(enough)} joins {all_of_them}"
+
+
+def cure_of_all(near_misses: Sequence[NearMiss]) -> tuple[float, int]:
+    """The joint tolerance (length) that joins all near misses that any can join, and how many these
+    are; 0 without any."""
+    cures = [miss.cure for miss in near_misses if miss.kind != "sliver" and miss.cure < math.inf]
+    return max(cures, default=0.0), len(cures)
