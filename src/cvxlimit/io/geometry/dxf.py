@@ -112,7 +112,7 @@ def _left_out(hidden: Counter[str]) -> str:
     """Says what is hidden."""
     on = ", ".join(shown(layer) for layer, count in sorted(hidden.items()) if count)
     number = hidden.total()
-    return f"{number} object{'s' * (number > 1)} on layers that the drawing does not show ({on})"
+    return f"{number} object{'s' * (number > 1)} that the drawing does not show (layers {on})"
 
 
 def _check_size(document: Any) -> None:
