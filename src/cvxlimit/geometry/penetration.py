@@ -188,7 +188,7 @@ class Overlaps:
             enough = max(overlap.needed for overlap in self.found)
             enough = max(enough, float(np.sort(self.reach.tolerance)[-2]))
             cure = f"move or cut {which}"
-            if enough < self.limit:
+            if enough < self.limit and not any(overlap.is_deep for overlap in self.found):
                 cure += f", or raise joint_tolerance to {rounded_up(enough)}"
                 cure += ", which takes all," if more else ""
                 cure += " if the model is no more exact"
