@@ -35,10 +35,10 @@ def doubts(scene: Any) -> Iterator[str]:
         said = f"the largest block is {stone:.3g} m across"
         if not stone > _VAST:
             said = f"the structure is {high:.3g} m high"
-        yield (
-            f"{said}: are coordinates in {units.length}? In {meant} the largest block would have "
-            f"{sizes[meant]:.3g} m"
-        )
+        said += f": are coordinates in {units.length}?"
+        if meant != units.length:
+            said += f" In {meant} the largest block would have {sizes[meant]:.3g} m"
+        yield said
     largest = max([scene.friction, *scene.contact_friction.values()])
     if largest > _ROUGH:
         said = f"friction {largest:g} is {np.degrees(np.arctan(largest)):.3g} degrees"
