@@ -50,6 +50,18 @@ FIGURE = plain(_figure, {"anyOf": [{"type": "number"}, {"enum": [*_NOT_FINITE]}]
 """JSON has no numbers that are not finite: they are texts."""
 
 
+def _tolerance(value: object, where: str) -> float:
+    found = number(value, where)
+    if not 0.0 < found < 1.0:
+        raise InputError(f"{where} must be between 0 and 1, got {shown(value)}: solve anew")
+    return found
+
+
+TOLERANCE = plain(
+    _tolerance, {"type": "number", "exclusiveMinimum": 0.0, "exclusiveMaximum": 1.0}
+)
+"""Relative width of bracket that was asked for."""
+
 BOUNDS = {"lower": nullable(FIGURE, -math.inf), "upper": nullable(FIGURE, math.inf)}
 
 PROVED = Form(
@@ -218,6 +230,13 @@ def _solution(lower: float, upper: float, **given: Any) -> Solution:
         raise InputError(f"contact_names must be {given['contacts']} names, got {len(names)}")
     if mechanism is not None:
         given["mechanism"] = {block: np.array(rates) for block, rates in mechanism.items()}
+    status, factor = given["status"], given["load_factor"]
+    if not status.has_answer and not (factor is None and upper == math.inf):
+        beside = f"load_factor {shown(factor)}" if factor is not None else f"upper {upper:.7g}"
+        raise InputError(
+            f"{beside} cannot stand beside status {str(status)!r}, which says that there is none: "
+            "the file was changed; solve anew"
+        )
     return Solution(bracket=Bracket(lower, upper, **basis), **given)
 
 
@@ -256,6 +275,7 @@ RESULT: Document[Solution] = Document(
             "contact_names": Key(listed(TEXT, "name of contact {i}"), "{key}"),
             "scene_digest": Key(SCENE_DIGEST, "{key}", is_needed=False, is_several=True),
             "units": Key(UNITS, "{key}"),
+            "tolerance": Key(nullable(TOLERANCE), "{key}"),
         },
         _solution,
     ),

@@ -19,8 +19,10 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
 from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.derived import derived_checks
 from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.driver import Run
@@ -43,7 +45,7 @@ from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
-from cvxlimit.surfaces.coulomb import surfaces_named, surfaces_of
+from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_named, surfaces_of
 
 
 def solution_checks(
@@ -72,7 +74,12 @@ def solution_checks(
         )
     if solution.quantity != LOAD_FACTOR:
         return [Check(solution.quantity, False, "only load factors can be proved again")]
-    return list(_ProvedAgain(held, _surfaces(solution, surface), moments, formulation).checks())
+    again = _ProvedAgain(held, _surfaces(solution, surface), moments, formulation)
+    checks = [*again.checks()]
+    answer = Answer(again.carried, forces=solution.forces, mechanism=again.mechanism)
+    if again.strength.is_internal:
+        answer = replace(answer, internal=solution.internal)
+    return [*checks, *derived_checks(solution, again.run, answer)]
 
 
 def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
@@ -104,9 +111,15 @@ class _ProvedAgain:
         self.reference: tuple[FloatArray | None, float] | None = None
         self._take(solution)
 
+    @cached_property
+    def strength(self) -> Strength:
+        """Of the scene as it is solved."""
+        surfaces = needed_surfaces(self.run.surfaces)
+        return Strength.shared(self.run.assemblage, surfaces, self.run.formulation)
+
     def _take(self, solution: Solution) -> None:
         self.solution, rates = solution, solution.mechanism
-        self.__dict__.pop("_carried", None)  # of another end
+        self.__dict__.pop("carried", None)  # of another end
         ids = [self.run.scene.blocks[i].id for i in self.run.scene.free]
         is_whole = rates is not None and set(ids) == set(rates)
         self.mechanism = np.array([rates[key] for key in ids]) if rates and is_whole else None
@@ -183,6 +196,7 @@ class _ProvedAgain:
             yield self._falls()
         elif self.solution.status is Status.LIVE_LOAD_HARMLESS:
             yield self._harmless()
+            yield from self._above_thrusts(self.run.auxiliary_run())  # nothing slides below it
         else:
             yield from self._certified()
         if end is not None:
@@ -196,7 +210,7 @@ class _ProvedAgain:
         spare. Those of the result are clipped by its bracket, those of its history are not. So
         several are tried, and one has to be as it is held."""
         yield from self._held()
-        factors, found = (self.solution.load_factor, self._carried, *self._told), list[Bracket]()
+        factors, found = (self.solution.load_factor, self.carried, *self._told), list[Bracket]()
         for factor, tolerance in product(dict.fromkeys(factors), (TOLERANCE, 1.0, SLACK)):
             found.append(self._bracket(factor, tolerance))
             if all(check.is_met for check in self._ends(found)):
@@ -206,7 +220,7 @@ class _ProvedAgain:
     @property
     def _told(self) -> list[float | None]:
         """Load factors from which the history had the lower bound, near what the forces carry."""
-        lower, near = self.solution.bracket.lower, self._carried or 0.0
+        lower, near = self.solution.bracket.lower, self.carried or 0.0
         told = [i.load_factor for i in self.solution.history if i.lower == lower]
         return [t for t in told if t is not None and abs(t - near) <= self._near]
 
@@ -365,6 +379,11 @@ class _ProvedAgain:
             is_met = upper <= held.upper + max(self._near, SLACK * abs(held.upper))
             said = f"associated friction, solved anew, shows {rounded_up(upper, 9)}"
             yield Check(f"upper bound {rounded_up(held.upper, 9)}", is_met, said)
+        yield from self._above_thrusts(aside)
+
+    def _above_thrusts(self, aside: Run) -> Iterator[Check]:
+        """A lower bound without dilatancy, if there is one."""
+        held = self.solution.bracket
         if np.isfinite(held.lower):
             lower = lower_bound(aside, held.lower).load_factor
             is_met = lower >= held.lower - max(self._near, SLACK * abs(held.lower))
@@ -381,7 +400,7 @@ class _ProvedAgain:
         return SLACK * max(scale, abs(factor or 0.0))
 
     @cached_property
-    def _carried(self) -> float | None:
+    def carried(self) -> float | None:
         """The load factor that the forces carry, as nearly as they carry any."""
         if self.forces is None or not np.isfinite(self.forces).all():
             return None
@@ -398,7 +417,7 @@ class _ProvedAgain:
             if forces is None or not np.isfinite(forces).all():
                 yield Check(claim, False, "there are no forces that carry it")
             else:
-                carried, left = self._carried or 0.0, self._left(statics, forces, factor)
+                carried, left = self.carried or 0.0, self._left(statics, forces, factor)
                 total = self.run.scaling.force * (1.0 + abs(factor) / self.run.scaling.ratio)
                 is_met = left <= RESIDUAL * total
                 said = "" if is_met else f"residual {left / total:.1e} of the total load"

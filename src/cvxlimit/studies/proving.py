@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from cvxlimit.errors import CvxlimitError, InputError
 from cvxlimit.io.fields import file_prefix, read_document, refusals, shown
@@ -15,7 +15,7 @@ from cvxlimit.io.paths import PATH
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
-from cvxlimit.methods.checks import Check
+from cvxlimit.methods.checks import Check, Kind
 from cvxlimit.methods.proving import solution_checks
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.paths.path import Path as Displacements
@@ -51,14 +51,14 @@ class Proof:
     about : str
         What was looked at.
     checks : tuple of Check
-        Every claim, with what it rests on, or why it is not proved.
+        Every claim, with what it rests on, or why it is not proved; and what was not looked at.
 
     Example
     -------
     >>> from cvxlimit import builtin_scene, prove, solve
     >>> proof = prove(solve(builtin_scene("stack")))
-    >>> proof.is_proved, len(proof.checks)
-    (True, 3)
+    >>> proof.is_proved, len(proof.of("proved")), "note" in [c.claim for c in proof.of("not looked at")]
+    (True, 3, True)
     """
 
     about: str
@@ -66,16 +66,32 @@ class Proof:
 
     @property
     def is_proved(self) -> bool:
-        """True if there is something that is claimed, and all of it is proved."""
-        return bool(self.checks) and all(check.is_met for check in self.checks)
+        """True if something is proved, and nothing that was looked at fails."""
+        return bool(self.of("proved")) and all(check.is_met for check in self.checks)
+
+    def of(self, kind: Kind) -> tuple[Check, ...]:
+        """What is proved, what follows from that, or what was not looked at."""
+        return tuple(check for check in self.checks if check.is_met and check.kind == kind)
 
     @property
     def missing(self) -> tuple[Check, ...]:
         """The claims that are not proved."""
         return tuple(check for check in self.checks if not check.is_met)
 
+    @property
+    def rows(self) -> list[str]:
+        """A line for each claim that is proved, or is not, one for all that follow from these, and
+        one for what was not looked at."""
+        alone = [str(c) for c in self.checks if not c.is_met or c.kind == "proved"]
+        for kind in get_args(Kind)[1:]:
+            others = dict.fromkeys(
+                f"{c.claim} ({c.found})" if c.found else c.claim for c in self.of(kind)
+            )
+            alone += [f"{kind}: {', '.join(others)}"] if others else []
+        return alone
+
     def __str__(self) -> str:
-        return "\n".join([self.about, *map(str, self.checks)])
+        return "\n".join([self.about, *self.rows])
 
 
 def prove(

@@ -23,7 +23,7 @@ from cvxlimit.io.forms import (
     record,
     row,
 )
-from cvxlimit.io.results import FIGURE, RATES_NAMED, RESULT
+from cvxlimit.io.results import FIGURE, RATES_NAMED, RESULT, TOLERANCE
 from cvxlimit.io.scenes import LOAD
 from cvxlimit.model.statics import DOF
 from cvxlimit.solution import Status
@@ -110,7 +110,7 @@ DOMAIN: Document[LoadDomain] = Document(
             "units": Key(VECTOR, "{key}"),
             "supports": Key(listed(SUPPORT), "{key}"),
             "status": Key(choice(Status), "{key}"),
-            "tolerance": Key(FIGURE, "{key}"),
+            "tolerance": Key(TOLERANCE, "{key}"),
             "is_convex": Key(FLAG, "{key}", is_needed=True),
             "solves": Key(WHOLE, "{key}"),
             "seconds": Key(FIGURE, "{key}"),
