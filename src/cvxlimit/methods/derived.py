@@ -20,6 +20,7 @@ from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Run, dilatancy_in
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.interaction.settings import BRACKET
+from cvxlimit.methods.table import TABLE
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.kinematics import Dilatancy
 
@@ -60,6 +61,13 @@ def derived_checks(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
     ):
         seen = seen | {name} if is_seen else seen - {name}
     yield from unseen_fields(said, seen)
+
+
+def words_of_method(name: str) -> dict[str, str]:
+    """What a solution by the method of this name says of itself."""
+    method = TABLE[name].method
+    usual = {"interaction": "none", "flow": "associated"}
+    return usual | ({method.axis: method.name} if method.axis else {})
 
 
 def status_check(said: Solution) -> Check:

@@ -16,8 +16,8 @@ from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.checks import Check, Kind, unseen
+from cvxlimit.methods.derived import words_of_method
 from cvxlimit.methods.proving import solution_checks
-from cvxlimit.methods.table import TABLE
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.paths.path import Path as Displacements
 from cvxlimit.paths.proving import path_checks
@@ -305,17 +305,15 @@ def _row(
 
 def _options(options: Mapping[str, Any], solution: Solution) -> Iterator[Check]:
     """Options that were varied, as far as results name them."""
-    said, method = dict[str, Any](), TABLE.get(str(options.get("method")))
+    said = dict[str, Any]()
     if isinstance(options.get("surface"), str):
         said |= words_of(surfaces_of(options["surface"])[1])
     if options.get("moments") is not None and solution.interaction != "none":
         said["moments"] = str(options["moments"])
     if options.get("tolerance") is not None:
         said["tolerance"] = options["tolerance"]
-    if method is not None:
-        usual = {"interaction": "none", "flow": "associated"}
-        axis = method.method.axis
-        said |= usual | ({axis: method.method.name} if axis else {})
+    if isinstance(options.get("method"), str):
+        said |= words_of_method(options["method"])
     for name, value in said.items():
         held = getattr(solution, name)
         if value != held:
