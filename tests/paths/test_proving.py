@@ -33,8 +33,10 @@ def test_a_file_is_proved_from_what_it_holds(path: Path, tmp_path: File) -> None
 
 
 def test_the_run_with_half_the_step_is_proved_as_well(path: Path) -> None:
-    wrong = replace(path, configurations=(path[0], turned(path[1]), *path.configurations[2:]))
-    assert prove(replace(path, halved=path)).is_proved
+    half = pushover(wall(1), step=0.04, until=0.1)
+    wrong = replace(half, configurations=(half[0], turned(half[1]), *half.configurations[2:]))
+    assert prove(replace(path, halved=half)).is_proved
+    assert not prove(replace(path, halved=path)).is_proved  # no half of the step
     proof = prove(replace(path, halved=wrong))
     assert not proof.is_proved
     assert "displacements of configuration 1 with half the step" in str(proof)
@@ -138,4 +140,4 @@ def test_paths_that_snap_or_slide_are_proved_again(name: str) -> None:
 def test_an_exact_path_that_no_solver_made_is_refused_where_it_holds_no_forces() -> None:
     """Displacements alone prove nothing: equilibrium is that of forces at points."""
     missing = prove(turning(wall(1), (0.0, 0.05))).missing
-    assert {check.claim.split(" of ")[0] for check in missing} == {"equilibrium"}
+    assert "equilibrium" in {check.claim.split(" of ")[0] for check in missing}

@@ -119,7 +119,8 @@ def _path(
     if halved is None:
         return path
     with refusals("halved: "):
-        fine = _run(scene, initial, **halved, flow=path.flow, control=path.control)  # type: ignore[arg-type]
+        shared = {"flow": path.flow, "control": path.control, "until": path.until}
+        fine = _run(scene, initial, **halved, **shared)  # type: ignore[arg-type]
     return replace(path, halved=fine)
 
 
@@ -173,6 +174,7 @@ PATH: Document[Displacements] = Document(
             **RUN,
             "flow": Key(choice(get_args(Flow)), "{key}"),
             "control": Key(nullable(CONTROL), "{key}"),
+            "until": Key(FINITE, "{key}"),
             "halved": Key(nullable(record(Displacements, RUN, dict)), "{key}"),
         },
         _path,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.errors import InputError
+from cvxlimit.io.scenes import scene_digest
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
 from cvxlimit.methods.derived import derived_checks, words_of_method
@@ -151,9 +152,10 @@ class DomainAgain:
         if rests_on_forces and not left <= RESIDUAL * max(size, np.abs(structure.dead).max()):
             yield Check(f"forces {i}", False, f"they miss equilibrium by {left / size:.1e}")
         held, found = s.solution, again.solution
-        if held is None or found is None:
+        if held is None or found is None or s.loaded is None:
             return
-        for check in (*self._asked(held), *self._beside(held, found, raw)):
+        at = self.scene.with_live(combined(list(self.domain.loads.values()), s.loaded))
+        for check in (*self._asked(held, at), *self._beside(held, found, raw)):
             claim = check.claim if check.is_met else f"{check.claim} of {i}"
             yield replace(check, claim=claim, found="" if check.is_met else check.found)
         for end in ("lower", "upper"):
@@ -177,11 +179,14 @@ class DomainAgain:
             answer = replace(answer, internal=held.internal)
         yield from derived_checks(held, run, answer)
 
-    def _asked(self, held: Solution) -> Iterator[Check]:
+    def _asked(self, held: Solution, scene: Scene) -> Iterator[Check]:
         """That a solution is of the question that the domain is of."""
         domain = self.domain
         asked = words_of(domain.surface) | words_of_method(domain.method)
-        for name, value in (asked | {"quantity": LOAD_FACTOR}).items():
+        asked |= {"quantity": LOAD_FACTOR}
+        if held.scene_digest:
+            asked |= {"scene_digest": scene_digest(scene)}
+        for name, value in asked.items():
             if (own := getattr(held, name)) != value:
                 yield Check(f"{name} {own!r}", False, f"the domain has {value!r}")
 
@@ -212,9 +217,8 @@ class DomainAgain:
             if solution is None or s.loaded is None:
                 yield Check(f"point {i}", False, "there is no solution that shows it")
                 continue
-            key = id(solution)
+            key, at = id(solution), self.scene.with_live(combined(loads, s.loaded))
             if key not in seen:
-                at = self.scene.with_live(combined(loads, s.loaded))
                 surface = None if self.own["surface"] is None else self.surface
                 own = {**self.own, "surface": surface}
                 seen[key] = solution_checks(solution, at, **own)
@@ -222,7 +226,7 @@ class DomainAgain:
                 is_counted = check.kind == "proved" or not check.is_met
                 claim = f"{check.claim} of {i}" if is_counted else check.claim
                 yield replace(check, claim=claim, found=check.found if is_counted else "")
-            yield from (replace(c, claim=f"{c.claim} of {i}") for c in self._asked(solution))
+            yield from (replace(c, claim=f"{c.claim} of {i}") for c in self._asked(solution, at))
             made = list(self.search._of_solution(s.direction / domain.units, solution))
             if np.isfinite(s.offset):
                 yield from (
