@@ -225,6 +225,12 @@ def _solution(lower: float, upper: float, **given: Any) -> Solution:
         raise InputError(
             f"forces must be {given['contacts']} rows, one for each contact, got {len(forces)}"
         )
+    end = given.get("lower_end")
+    if end is not None and end.forces is not None and len(end.forces) != given["contacts"]:
+        raise InputError(
+            f"forces of lower_end must be {given['contacts']} rows, one for each contact, got "
+            f"{len(end.forces)}"
+        )
     names = given.get("contact_names", ())
     if names and len(names) != given["contacts"]:
         raise InputError(f"contact_names must be {given['contacts']} names, got {len(names)}")

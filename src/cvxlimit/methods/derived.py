@@ -28,7 +28,7 @@ _OF_THE_SCENE = "units", "contact_names", "lumped"
 _LOOKED_AT = {
     *_OF_THE_SCENE, "load_factor", "bracket", "forces", "mechanism", "lower_end", "quantity",
     "status", "tolerance", "dilatancy", "blocks", "contacts", "scene_digest", "surface",
-    "interaction", "torsion_shear", "flow", "solved_scene", "surfaces",
+    "interaction", "torsion_shear", "flow", "solved_scene", "surfaces", "scene_name",
 }  # fmt: skip
 """Fields of a solution that are proved, follow from these, or say what was asked; any other one is
 named as not looked at."""
@@ -52,7 +52,7 @@ def derived_checks(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
     yield from _dilatancy(said, run, answer)
     seen = set(_LOOKED_AT)
     for name, is_seen in (
-        ("scene_name", said.scene_name == run.given.name),
+        ("tolerance", said.status.has_answer or said.lower_end is not None),
         ("moments", said.interaction != "none" or said.moments == run.moments.name),
         ("members", said.flow != "associated"),
         ("internal", said.internal is None or answer.internal is not None),
@@ -60,6 +60,10 @@ def derived_checks(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
         ("mechanism", said.mechanism is None or said.status is not Status.LIVE_LOAD_HARMLESS),
     ):
         seen = seen | {name} if is_seen else seen - {name}
+    if not said.scene_digest and said.solved_scene is None:
+        yield unseen("scene_digest", "the file has none")
+    if said.scene_name != run.given.name:
+        yield unseen("scene", f"of that name, {said.scene_name!r}")
     yield from unseen_fields(said, seen)
 
 
@@ -115,7 +119,7 @@ def _asked(said: Solution) -> float:
 
 def _dilatancy(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
     """The share that forces and mechanism have, at the load factor told or at the one carried."""
-    held, found = said.dilatancy, None
+    held, found, is_met = said.dilatancy, None, said.dilatancy is None
     if not said.status.has_answer:
         yield from [unseen("dilatancy")] if held else []
         return
@@ -123,8 +127,6 @@ def _dilatancy(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
         found = dilatancy_in(run, replace(answer, load_factor=factor))
         if is_met := _is_same(held, found):
             break
-    else:
-        is_met = held is None
     if held is None and is_met:
         return
     claim = "no share of dilatancy"
@@ -142,7 +144,9 @@ def _dilatancy(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
 
 def _is_same(held: Dilatancy | None, found: Dilatancy | None) -> bool:
     """True if share and joints agree."""
-    if held is None or found is None:
-        return held is found
+    if found is None:
+        return held is None
+    if held is None:
+        return not found.is_worth_a_word
     is_near = abs(held.share - found.share) <= SLACK * max(1.0, abs(found.share))
     return is_near and (held.sliding, held.moving) == (found.sliding, found.moving)

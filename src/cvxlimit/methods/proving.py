@@ -426,6 +426,9 @@ class _ProvedAgain:
                 yield Check(claim, is_met, said or "the forces carry it")
                 if solution.bracket.clipped(factor) != factor:
                     yield Check(claim, False, f"it is outside of its bracket {solution.bracket}")
+        least, own = solution.bracket.least, self.run.scaling.least
+        if not (least == 0.0 or abs(least - own) <= SLACK * own):
+            yield Check(f"least size {least:.7g} of the bracket", False, f"it is {own:.7g}")
         if self.mechanism is not None and solution.status.has_answer:
             power = float(statics.live @ self.mechanism.ravel())
             if abs(power - 1.0) > 10.0 * RESIDUAL:

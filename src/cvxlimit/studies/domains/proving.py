@@ -70,8 +70,9 @@ class DomainAgain:
             is_met = domain.status is status
             yield follows(claim, is_met, told if is_met else f"{told}: it is {str(status)!r}")
         seen = {"surface", "method", "loads", "units", "supports", "status", "tolerance"}
-        seen |= {"is_convex", "scene_digest"}
-        seen |= {"scene_name"} if domain.scene_name == self.scene.name else set()
+        seen |= {"is_convex", "scene_digest", "scene_name"}
+        if domain.scene_name != self.scene.name:
+            yield unseen("scene", f"of that name, {domain.scene_name!r}")
         yield from unseen_fields(domain, seen)
         yield unseen("directions asked in, and which are mirrored")
 
@@ -167,6 +168,8 @@ class DomainAgain:
 
     def _beside(self, held: Solution, found: Solution, raw: Raw) -> Iterator[Check]:
         """What a solution says beside its numbers."""
+        if held.bracket.least != found.bracket.least:
+            yield Check(f"least size {held.bracket.least:.7g} of the bracket", False)
         if (held.load_factor is None) != (found.load_factor is None):
             yield Check("load factor", False, f"{found.load_factor} is shown")
         structure, scene = self.structure, found.scene
