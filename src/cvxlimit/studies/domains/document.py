@@ -86,6 +86,8 @@ def _domain(status: str, loads: dict[str, Any], units: Any, **given: Any) -> Loa
             vector = getattr(support, name)
             if vector is not None:
                 _check_vector(vector, len(loads), f"{name} of {where}")
+        if support.solution is not None and not support.solution.history:
+            raise InputError(f"history of the solution in {where} must not be empty")
         if np.isnan(support.offset):
             raise InputError(f"offset of {where} must be a number, got 'nan'")
     return LoadDomain(status=Status(status), loads=loads, units=units, **given)

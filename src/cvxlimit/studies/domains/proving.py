@@ -74,7 +74,9 @@ class DomainAgain:
         if domain.scene_name != self.scene.name:
             yield unseen("scene", f"of that name, {domain.scene_name!r}")
         yield from unseen_fields(domain, seen)
-        yield unseen("directions asked in, and which are mirrored")
+        if not domain.scene_digest:
+            yield unseen("scene_digest", "the file has none")
+        yield unseen("direction, is_mirrored")
 
     def _supports(self) -> Iterator[Check]:
         structure, supports = self.structure, self.domain.supports
@@ -151,10 +153,13 @@ class DomainAgain:
         left, size = np.abs(taken + load).max(), np.abs(load).max()
         rests_on_forces = s.point is not None or s.ray is not None
         if rests_on_forces and not left <= RESIDUAL * max(size, np.abs(structure.dead).max()):
-            yield Check(f"forces {i}", False, f"they miss equilibrium by {left / size:.1e}")
+            off = left / max(size, 1e-300)
+            yield Check(f"forces {i}", False, f"they miss equilibrium by {off:.1e}")
         held, found = s.solution, again.solution
         if held is None or found is None or s.loaded is None:
             return
+        if not rests_on_forces:
+            yield unseen("load_factor", "of answers that carry nothing")
         at = self.scene.with_live(combined(list(self.domain.loads.values()), s.loaded))
         for check in (*self._asked(held, at), *self._beside(held, found, raw)):
             claim = check.claim if check.is_met else f"{check.claim} of {i}"
@@ -185,8 +190,8 @@ class DomainAgain:
     def _asked(self, held: Solution, scene: Scene) -> Iterator[Check]:
         """That a solution is of the question that the domain is of."""
         domain = self.domain
-        asked = words_of(domain.surface) | words_of_method(domain.method)
-        asked |= {"quantity": LOAD_FACTOR}
+        asked: dict[str, Any] = words_of(domain.surface) | words_of_method(domain.method)
+        asked |= {"quantity": LOAD_FACTOR, "blocks": len(scene.free)}
         if held.scene_digest:
             asked |= {"scene_digest": scene_digest(scene)}
         for name, value in asked.items():
