@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import copy
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, get_args
 
 from cvxlimit import Status
+from cvxlimit.errors import CvxlimitError
 from cvxlimit.paths.path import Ending
+from cvxlimit.studies import Proof
 
 Place = tuple[str | int, ...]
 
@@ -97,9 +99,58 @@ def _with(document: Any, place: Place, to: Any) -> Any:
     return result
 
 
-def is_named(place: Place, names: Sequence[str]) -> bool:
+def _is_named(place: Place, names: Sequence[str]) -> bool:
     """True if an entry is among what was not looked at: by its own name or that of what holds it,
-    as ``note``, ``dilatancy.safe``, or ``solver, iterates``."""
+    as ``note``, ``dilatancy.safe``, or ``residual, iterates``."""
     keys = [str(key) for key in place]
     dotted = {".".join(keys[i:j]) for i in range(len(keys)) for j in range(i + 1, len(keys) + 1)}
     return any(word in dotted for name in names for word in name.replace(",", " ").split())
+
+
+EVIDENCE = {"forces", "mechanism", "internal", "rates", "points", "displacements"}
+"""What proves claims and is none: where all that is claimed is proved with another one, it is
+true."""
+
+_ASKED = {
+    "components", "tolerance", "scene", "surface", "interaction", "moments", "torsion_shear", "flow"
+}  # fmt: skip
+"""What was asked, for which all is proved anew, and how columns are called."""
+
+
+def _is_harmless(document: Any, place: Place, what: str) -> bool:
+    """True for a change after which nothing false is said, so that a proof of all is right."""
+    names, value = [str(key) for key in place], _at(document, place)
+    last = [name for name in names if not name.isdigit()][-1]
+    if EVIDENCE & set(names) or last in _ASKED or names[0] == "scene":
+        return True
+    if "bracket" in names and (last in ("bracket", "proved") or what == "times 0.0"):
+        return True  # nothing, or less, is called proved; widths count for more
+    if last.endswith("is_proved"):
+        return value == "yes" or _at(document, place[:-1])["point"] is None
+    if last == "dilatancy":
+        return value is not None and value["share"] < 0.01  # too little to be told
+    if what.startswith("times") and abs(value) < 1e-7:
+        return True
+    return (
+        (names[0] == "loads" and len(place) == 3 and place[-1] == 0)  # what a load is called
+        or (names[0] == "supports" and len(place) < 3)  # fewer, in another order, or twice
+        or (last == "point" and what == "times 0.0")  # the dead load alone
+        or (last == "step" and what not in ("null", "times -1.0", "times 0.0"))  # at most
+    )
+
+
+def passing(document: Any, proof_of: Callable[[Any], Proof], number: int) -> list[str]:
+    """What passes of ``number`` changes: neither refused nor named, and not harmless."""
+    first = proof_of(document)
+    assert first.is_proved, str(first)
+    found = list[str]()
+    for place, what, changed in mutations(document, number):
+        try:
+            proof = proof_of(changed)
+        except CvxlimitError:
+            continue
+        named = [check.claim for p in (first, proof) for check in p.of("not looked at")]
+        is_seen = not (_is_named(place, named) or _is_harmless(document, place, what))
+        if proof.is_proved and is_seen:
+            found.append(f"{'.'.join(map(str, place))}: {what}")
+    return found
