@@ -93,7 +93,8 @@ def status_check(said: Solution) -> Check:
         return unseen(claim, "an iteration's own")
     else:
         is_within = all(end.is_within(_asked(said)) for end in ends)
-        told = f"width {max(abs(end.width) for end in ends):.2g}, {_asked(said):g} asked for"
+        wide = "" if is_within else f"width {max(abs(end.width) for end in ends):.2g}, "
+        told = f"{wide}{_asked(said):g} asked for"
         expected = Status.CERTIFIED if is_within else Status.NOT_CERTIFIED
     # How a run was cut short is told by no number; that it found less than was asked for is.
     if status is Status.INTERRUPTED and (expected in open_ends or said.members):

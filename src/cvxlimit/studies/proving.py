@@ -212,6 +212,8 @@ def _rows(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iterat
     if isinstance(about.get("base"), dict):
         with refusals(f"{folder}: "):
             own_base = scene_from_dict(about["base"])
+            if about.get("scene") != f"{own_base.name} {scene_digest(own_base)}":
+                yield Check(f"scene {about.get('scene')!s:.60}", False, "the base is another one")
     base = scenes or own_base
     if isinstance(base, Scene) and own_base is not None:
         _scene_of(own_base.name, scene_digest(own_base), base, _ALL)
@@ -243,7 +245,7 @@ def _rows(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iterat
     if failed:
         yield unseen(f"{_rows_said(failed)} more that say why they have no result")
     yield from unknown.values()
-    yield unseen("options of the sweep as a whole")
+    yield unseen("version, options")
 
 
 def _rows_said(number: int) -> str:
