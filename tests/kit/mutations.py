@@ -121,7 +121,12 @@ def _is_harmless(document: Any, place: Place, what: str) -> bool:
     """True for a change after which nothing false is said, so that a proof of all is right."""
     names, value = [str(key) for key in place], _at(document, place)
     last = [name for name in names if not name.isdigit()][-1]
-    if EVIDENCE & set(names) or last in _ASKED or names[0] == "scene":
+    if (
+        EVIDENCE & set(names)
+        or last in _ASKED
+        or "scene" in names[:1]
+        or names[:2] == ["about", "base"]
+    ):
         return True
     if "bracket" in names and (last in ("bracket", "proved") or what == "times 0.0"):
         return True  # nothing, or less, is called proved; widths count for more

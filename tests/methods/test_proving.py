@@ -375,7 +375,10 @@ def missing(held: Solution, scene: Scene) -> list[str]:
 
 def test_a_status_follows_from_the_width_and_the_tolerance_asked_for() -> None:
     """Forces of the weight alone prove that zero is carried, whatever the status says."""
-    ground, cube = Block.box("g", (-5, -5, -1), (5, 5, 0)), Block.box("c", (0, 0, 0), (1, 1, 1), 1.0)
+    ground, cube = (
+        Block.box("g", (-5, -5, -1), (5, 5, 0)),
+        Block.box("c", (0, 0, 0), (1, 1, 1), 1.0),
+    )
     scene = Scene([ground, cube], ["g"], X, friction=0.3, name="cube")
     held = read(solve(scene))
     assert held.tolerance == 1e-5
@@ -424,7 +427,11 @@ def test_units_are_those_of_the_scene() -> None:
 
 
 def test_what_is_not_looked_at_is_named() -> None:
-    given = document("wall") | {"note": "carries everything", "scene": "another", "model": ["parts"]}
+    given = document("wall") | {
+        "note": "carries everything",
+        "scene": "another",
+        "model": ["parts"],
+    }
     del given["scene_digest"]
     proof = prove(result_from_dict(given), WALL)
     assert proof.is_proved

@@ -43,9 +43,9 @@ def prove_command(asked: Claimed) -> ExitCode:
         return ExitCode.SOLVED
     if not proof.missing:
         raise InputError(f"{asked.file}: it claims nothing that could be proved")
-    missing = proof.missing
+    missing, claims = proof.missing, len(proof.checks) - len(proof.of("not looked at"))
     return refuse(
         ExitCode.NOT_GOOD_ENOUGH,
-        f"{asked.file}: {len(missing)} of {counted(len(proof.of('proved')) + len(proof.of('derived')) + len(missing), 'claim')} not proved; the "
-        f"first is {missing[0]}",
+        f"{asked.file}: {len(missing)} of {counted(claims, 'claim')} not proved; the first is "
+        f"{missing[0]}",
     )

@@ -57,9 +57,7 @@ def _tolerance(value: object, where: str) -> float:
     return found
 
 
-TOLERANCE = plain(
-    _tolerance, {"type": "number", "exclusiveMinimum": 0.0, "exclusiveMaximum": 1.0}
-)
+TOLERANCE = plain(_tolerance, {"type": "number", "exclusiveMinimum": 0.0, "exclusiveMaximum": 1.0})
 """Relative width of bracket that was asked for."""
 
 BOUNDS = {"lower": nullable(FIGURE, -math.inf), "upper": nullable(FIGURE, math.inf)}

@@ -79,7 +79,9 @@ def status_check(said: Solution) -> Check:
     status, ends = said.status, [said.bracket]
     claim, open_ends = f"status {str(status)!r}", (Status.NOT_CERTIFIED, Status.NOT_CONVERGED)
     if said.lower_end is not None:
-        ends = [said.lower_end.bracket] if not status.has_answer else [*ends, said.lower_end.bracket]
+        ends = (
+            [said.lower_end.bracket] if not status.has_answer else [*ends, said.lower_end.bracket]
+        )
     # No load factor: what proves that is a claim of its own.
     if not status.has_answer:
         is_free = said.load_factor is None and not said.upper < np.inf

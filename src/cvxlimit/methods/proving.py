@@ -211,7 +211,9 @@ class _ProvedAgain:
         several are tried, and one has to be as it is held."""
         yield from self._held()
         factors, found = (self.solution.load_factor, self.carried, *self._told), list[Bracket]()
-        for factor, tolerance in product(dict.fromkeys(factors), (self.solution.tolerance or TOLERANCE, 1.0, SLACK)):
+        for factor, tolerance in product(
+            dict.fromkeys(factors), (self.solution.tolerance or TOLERANCE, 1.0, SLACK)
+        ):
             found.append(self._bracket(factor, tolerance))
             if all(check.is_met for check in self._ends(found)):
                 break
