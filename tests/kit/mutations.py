@@ -132,6 +132,8 @@ def _is_harmless(document: Any, place: Place, what: str) -> bool:
         return True  # nothing, or less, is called proved; widths count for more
     if last.endswith("is_proved"):
         return value == "yes" or _at(document, place[:-1])["point"] is None
+    if last in ("units", "contact_names", "scene_digest") and names[0] == "initial":
+        return what in ("gone", "empty", "null")  # the scene beside it has them
     if last == "dilatancy":
         return value is not None and value["share"] < 0.01  # too little to be told
     if what.startswith("times") and abs(value) < 1e-7:

@@ -115,12 +115,11 @@ def _path(
     scene: Scene, initial: Solution, halved: JsonObject | None = None, **given: Any
 ) -> Displacements:
     """A path whose parts belong to each other."""
-    held = initial.of(scene)
+    path = _run(scene, initial, **given)
     for name in ("units", "contact_names", "lumped"):
-        own, found = getattr(initial, name), getattr(held, name)
+        own, found = getattr(initial, name), getattr(path.initial, name)
         if own and str(own) != str(found):
             raise InputError(f"{name} of initial must be those of the scene, got {shown(str(own))}")
-    path = _run(scene, initial, **given)
     if halved is None:
         return path
     with refusals("halved: "):

@@ -1,4 +1,4 @@
-"""What a solution says beside its numbers and follows from them: status, units, share of dilatancy.
+"""What a solution says, against what is found again: bounds, status, units, share of dilatancy.
 
 A status follows from the width of the bracket and the tolerance that was asked for, which is part
 of the claim; the share of dilatancy from forces and mechanism. What a solution says besides (notes,
@@ -7,7 +7,7 @@ history, versions) is named, and not looked at.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,9 @@ from cvxlimit.methods.driver import Run, dilatancy_in
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.interaction.settings import BRACKET
 from cvxlimit.methods.table import TABLE
+from cvxlimit.model.statics import Scaling
 from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import Bracket, rounded_down, rounded_up
 from cvxlimit.solution.kinematics import Dilatancy
 
 _OF_THE_SCENE = "units", "contact_names", "lumped"
@@ -32,6 +34,44 @@ _LOOKED_AT = {
 }  # fmt: skip
 """Fields of a solution that are proved, follow from these, or say what was asked; any other one is
 named as not looked at."""
+
+
+def bound_checks(said: Solution, scaling: Scaling, found: Sequence[Bracket]) -> Iterator[Check]:
+    """Both bounds against those found; any of these may be the one that was found first."""
+    for end, rounding in (("lower", rounded_down), ("upper", rounded_up)):
+        value = float(getattr(said.bracket, end))
+        proved = bool(getattr(said.bracket, f"{end}_is_proved"))
+        if not np.isfinite(value):
+            if said.status.is_good:
+                yield Check(f"{end} bound", False, f"{said.status} without it")
+            continue
+        ends = [(float(getattr(f, end)), bool(getattr(f, f"{end}_is_proved"))) for f in found]
+        claim, slack = (
+            f"{end} bound {rounding(value, 9)}",
+            SLACK * max(abs(value), scaling.unit(value)),
+        )
+        near = [holds for at, holds in ends if abs(at - value) <= slack]
+        by = "the forces" if end == "lower" else "the mechanism"
+        at = ends[0][0]
+        if any(holds or not proved for holds in near):
+            under = "" if proved else ", under the assumption of the note"
+            yield Check(claim, True, f"by {by}{under}")
+        elif near:
+            yield Check(claim, False, "only with an assumption on sizes, and none is stated")
+        elif end == "lower" and not np.isfinite(at):
+            is_there = said.forces is not None
+            yield Check(claim, False, "the forces are not admissible" if is_there else "no forces")
+        else:
+            shows = f"{by} {'show' if end == 'lower' else 'shows'} {rounding(at, 9)}"
+            shows = shows if np.isfinite(at) else "no mechanism shows it"
+            yield Check(claim, False, shows if end == "lower" else why_above(said, shows))
+
+
+def why_above(said: Solution, shows: str) -> str:
+    """Why an upper bound is not that of the mechanism."""
+    if "branch and bound" in said.note:
+        return f"{shows}; it rests on branch and bound, whose tree no file holds"
+    return shows
 
 
 def derived_checks(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
@@ -50,14 +90,14 @@ def derived_checks(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
             claim = f"units {held.length}, {held.force}" if name == "units" else name
             yield follows(claim, is_met, "" if is_met else f"of the scene they are {found!s:.80}")
     yield from _dilatancy(said, run, answer)
-    seen = set(_LOOKED_AT)
+    seen, is_fall = set(_LOOKED_AT), said.status is Status.DEAD_LOAD_UNSTABLE
     for name, is_seen in (
         ("tolerance", said.status.has_answer or said.lower_end is not None),
         ("moments", said.interaction != "none" or said.moments == run.moments.name),
         ("members", said.flow != "associated"),
         ("internal", said.internal is None or answer.internal is not None),
-        ("forces", said.forces is None or said.status is not Status.DEAD_LOAD_UNSTABLE),
-        ("mechanism", said.mechanism is None or said.status is not Status.LIVE_LOAD_HARMLESS),
+        ("forces", said.forces is None or not is_fall),
+        ("mechanism", said.mechanism is None or said.status.has_answer or is_fall),
     ):
         seen = seen | {name} if is_seen else seen - {name}
     if not said.scene_digest and said.solved_scene is None:
@@ -123,7 +163,7 @@ def _asked(said: Solution) -> float:
 def _dilatancy(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
     """The share that forces and mechanism have, at the load factor told or at the one carried."""
     held, found, is_met = said.dilatancy, None, said.dilatancy is None
-    if not said.status.has_answer:
+    if not (said.status.is_good or said.bracket.has_any) or not said.status.has_answer:
         yield from [unseen("dilatancy")] if held else []
         return
     for factor in (said.load_factor, answer.load_factor) if said.flow == "associated" else ():

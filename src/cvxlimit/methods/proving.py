@@ -22,7 +22,7 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
 from cvxlimit.methods.convex_search import ConvexSearch
-from cvxlimit.methods.derived import derived_checks
+from cvxlimit.methods.derived import bound_checks, derived_checks, why_above
 from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.driver import Run
@@ -327,7 +327,7 @@ class _ProvedAgain:
         if self.mechanism is not None:
             UpperBound(alone).offer(self.mechanism)
         is_met = alone.best.bracket.upper < 0.5
-        found = "by the mechanism" if is_met else self._why_above("no proof")
+        found = "by the mechanism" if is_met else why_above(self.solution, "no proof")
         return Check(check.claim, is_met, found)
 
     def _harmless_inside(self) -> Check:
@@ -437,38 +437,5 @@ class _ProvedAgain:
                 yield Check("mechanism", False, f"its live power is {power:.7g} in place of 1")
 
     def _ends(self, found: Sequence[Bracket]) -> Iterator[Check]:
-        """Compares both bounds with those found; any of these may be the one that was found
-        first."""
-        held = self.solution.bracket
-        for end, rounding in (("lower", rounded_down), ("upper", rounded_up)):
-            value = float(getattr(held, end))
-            proved = bool(getattr(held, f"{end}_is_proved"))
-            if not np.isfinite(value):
-                if self.solution.status.is_good:
-                    yield Check(f"{end} bound", False, f"{self.solution.status} without it")
-                continue
-            ends = [(float(getattr(f, end)), bool(getattr(f, f"{end}_is_proved"))) for f in found]
-            claim = f"{end} bound {rounding(value, 9)}"
-            slack = SLACK * max(abs(value), self.run.scaling.unit(value))
-            near = [(at, holds) for at, holds in ends if abs(at - value) <= slack]
-            if any(holds or not proved for _, holds in near):
-                by = "the forces" if end == "lower" else "the mechanism"
-                under = "" if proved else ", under the assumption of the note"
-                yield Check(claim, True, f"by {by}{under}")
-            elif near:
-                yield Check(claim, False, "only with an assumption on sizes, and none is stated")
-            else:
-                yield Check(claim, False, self._why(end, ends[0][0], rounding(ends[0][0], 9)))
-
-    def _why(self, end: str, at: float, said: str) -> str:
-        if end == "upper":
-            shows = f"the mechanism shows {said}" if np.isfinite(at) else "no mechanism shows it"
-            return self._why_above(shows)
-        if not np.isfinite(at):
-            return "the forces are not admissible" if self.forces is not None else "no forces"
-        return f"the forces show {said}"
-
-    def _why_above(self, shows: str) -> str:
-        if "branch and bound" in self.solution.note:
-            return f"{shows}; it rests on branch and bound, whose tree no file holds"
-        return shows
+        """Compares both bounds with those found."""
+        return bound_checks(self.solution, self.run.scaling, found)

@@ -133,7 +133,7 @@ def _ending(walk: Walk, path: Path, which: str) -> Check:
     for share in (2.0, 1.0):  # the last step that was tried is one or the other, or between them
         there = walk.settle(last, last.shown.w + share * FINEST * path.step)
         ends.append("goes on" if isinstance(there, At) else there.kind)
-    is_met = status in ends and "goes on" not in ends
+    is_met = status in ends
     return follows(claim, is_met, "found again" if is_met else f"beyond it {' or '.join(ends)}")
 
 
@@ -188,9 +188,10 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     # Without dilatancy friction opposes the slip of the last step, but for the loss that is told: a
     # share of the live load's work on that step at the first load factor.
     if path.flow != "associated" and i > 0:
-        work = (here.w - path[i - 1].w) * loads.size * abs(path[0].load_factor)
-        loss = here.points.lost(here.forces) / work
-        if not loss <= max(here.loss, SLACK) * (1.0 + SLACK):
+        way = here.w - path[i - 1].w
+        loss = here.points.lost(here.forces) / (way * loads.size * abs(path[0].load_factor))
+        rounding = RESIDUAL * max(1.0, path.step / way)  # both ends of a jump are near each other
+        if not loss <= max(here.loss, rounding) * (1.0 + SLACK):
             yield f"loss {here.loss:.1e}", f"friction lacks {loss:.1e} of the step's work"
 
     # The bracket: no end of it is better, or called proved, where the one found again is not.
