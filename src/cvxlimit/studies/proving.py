@@ -109,8 +109,9 @@ def prove(
     it holds.
 
     Nothing that it says is believed: load factors, bounds, points and half-spaces are computed
-    anew, and one that comes out otherwise, by more than 1e-7 of it, is not proved. No load factor
-    is sought by a solver, but for the brackets of a path, whose displacements are what is believed.
+    anew, and one that comes out otherwise, by more than 1e-7 of it, is not proved. Nor is a status,
+    a unit or a share of dilatancy that does not follow from these; what is not looked at, notes and
+    times for example, is named (:meth:`Proof.of`). No load factor is sought by a solver, but for the brackets of a path, whose displacements are what is believed.
 
     Parameters
     ----------
@@ -222,7 +223,8 @@ def _rows(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iterat
             f"{folder}: a function built the scenes of this sweep ({about.get('scene')!s:.80}), "
             "and the folder does not hold them: prove(folder, function)"
         )
-    rows, proofs = read_sweep(folder).to_dict("records"), proofs_of(folder)
+    every, proofs = read_sweep(folder, every=True), proofs_of(folder)
+    rows = every.drop_duplicates(KEY, keep="last").to_dict("records")
     good, failed, unknown = 0, 0, dict[str, Check]()
     for row in rows:
         if lost := [c for c in (KEY, IDENTITY, *RESULTS) if not _is_held(row.get(c), c in FIGURES)]:
@@ -237,8 +239,7 @@ def _rows(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iterat
         unknown |= {c.claim: c for c in checks if c.is_met and c.kind == "not looked at"}
         for check in missing:
             yield replace(check, claim=f"{_called(row)}, {check.claim}")
-    known = {row[IDENTITY] for row in read_sweep(folder, every=True).to_dict("records")}
-    if orphans := len(proofs.keys() - known):
+    if orphans := len(proofs.keys() - set(every[IDENTITY])):
         yield Check(_rows_said(orphans), False, "results are held, and no rows of them")
     if good:
         yield Check(f"{_rows_said(good)} with their brackets", True)
