@@ -111,7 +111,8 @@ def prove(
     Nothing that it says is believed: load factors, bounds, points and half-spaces are computed
     anew, and one that comes out otherwise, by more than 1e-7 of it, is not proved. Nor is a status,
     a unit or a share of dilatancy that does not follow from these; what is not looked at, notes and
-    times for example, is named (:meth:`Proof.of`). No load factor is sought by a solver, but for the brackets of a path, whose displacements are what is believed.
+    times for example, is named (:meth:`Proof.of`). No load factor is sought by a solver, but for
+    the brackets of a path, whose displacements are what is believed.
 
     Parameters
     ----------
