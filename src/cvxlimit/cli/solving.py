@@ -33,13 +33,14 @@ from cvxlimit.cli.options import (
 from cvxlimit.cli.report import (
     PICTURES,
     SCENE_PICTURES,
+    VOICE,
     ExitCode,
     check_outputs,
     complain,
     counted,
+    details,
     facts,
     history,
-    is_eventful,
     refuse,
     show,
     summary,
@@ -173,8 +174,9 @@ def deliver(
     finally:  # hours of work are shown even if the disk is full by now
         origin = "built-in" if name in BUILTIN else name
         with redirect_stdout(sys.stderr) if files.is_piped else nullcontext():
-            show(summary(solution, origin, tolerance, written))
-            if is_eventful(solution):
+            show(summary(solution, written))
+            if VOICE.get() > 0:
+                show(Text(), details(solution, origin, tolerance))
                 show(Text(), history(solution.history))
     warn_of_geometry(scene)
     status = solution.status
@@ -281,8 +283,7 @@ def solve_command(order: Order) -> ExitCode:
 
     def solved(tell: Tell) -> tuple[Scene, Solution]:
         scene = scene_named(order.scene)
-        found = solve(scene, order.surface, progress=tell, **settings)  # type: ignore[arg-type]
-        return scene, found.first_look(tell)
+        return scene, solve(scene, order.surface, progress=tell, **settings)  # type: ignore[arg-type]
 
     with _prints_on_stderr() if files.is_piped else nullcontext():
         scene, solution = interruptible(solved)

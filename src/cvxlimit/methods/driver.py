@@ -373,7 +373,8 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     question: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
         question[method.axis] = method.name
-    dilatancy = None if method.axis == "flow" else dilatancy_in(run, best)
+    is_no_answer = status.has_answer and not (status.is_good or best.bracket.has_any)
+    dilatancy = None if method.axis == "flow" or is_no_answer else dilatancy_in(run, best)
     return Solution(
         **question,
         scene_name=run.scene.name,
@@ -429,7 +430,11 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
         sentences = [run.failure, status.advice]
     else:
         is_plain = status.is_good or status is Status.NOT_CERTIFIED
-        sentences = ["" if is_plain else status.advice, basis, *run.remarks]
+        sentences = [basis, *run.remarks]
+        # what to do comes first, unless it is known how far an iteration went
+        if not is_plain:
+            known = 0 if run.best.iteration is None else len(sentences)
+            sentences.insert(known, status.advice)
     # what detection has left out or simplified, where that may have decided
     if status is Status.DEAD_LOAD_UNSTABLE and run.given.near_misses:
         cure = "if such a joint bears, give a joint_tolerance that joins it"

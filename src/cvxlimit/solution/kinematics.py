@@ -10,7 +10,7 @@ import numpy as np
 from cvxlimit.base.arrays import SMALL, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import TOLERANCE, rounded
+from cvxlimit.solution.bracket import rounded_down
 
 VISIBLE = 0.01
 """Contact rates below this fraction of the largest corner speed are not counted as movement, nor
@@ -130,25 +130,19 @@ class Dilatancy:
         Contacts that open, slide or twist.
     safe : float
         Load factor below which nothing slides without dilatancy, proved; 0 where none is known.
-    nearly : float or None
-        A load factor that nearly holds without dilatancy, where it was looked for: ``lacks`` is the
-        share by which its own forces, with friction held as they have it, carry more. It is neither
-        the lowest nor a bound.
 
     Example
     -------
-    >>> print(Dilatancy(1.0, ("ground-a", "ground-b"), 3))
-    2 of 3 joints that move (ground-a, ground-b) slide and open by dilatancy, which takes 100 % of \
-the live load's work: the load factor is on the unsafe side, and method 'zero-dilatancy' (--method \
-zero-dilatancy) answers without dilatancy
+    >>> print(Dilatancy(1.18, ("ground-a", "ground-b"), 3))
+    2 of 3 moving joints slide: without dilatancy it may fall at less, which method \
+'zero-dilatancy' (--method zero-dilatancy) looks for; 1 % less friction would take about 1.18 % \
+off the load factor; those that slide: ground-a, ground-b
     """
 
     share: float
     sliding: tuple[str, ...] = ()
     moving: int = 0
     safe: float = 0.0
-    nearly: float | None = None
-    lacks: float | None = None
 
     @property
     def is_worth_a_word(self) -> bool:
@@ -161,37 +155,38 @@ zero-dilatancy) answers without dilatancy
         """True where any multiple of the live load is carried, by dilatancy alone."""
         return bool(np.isinf(self.share))
 
-    def __str__(self) -> str:
-        """One sentence, empty where there is nothing to say."""
+    @property
+    def row(self) -> str:
+        """The verdict in a few words, without names; empty where there is nothing to say."""
         if not self.is_worth_a_word:
             return ""
+        if self.is_all:
+            safe = f", at no less than {float(rounded_down(self.safe, 5)):g} (proved)"
+            return f"without dilatancy joints slide{safe if self.safe > 0.0 else ''}"
+        slides = f"{len(self.sliding)} of {self.moving} moving joints slide"
+        slides += "s" * (len(self.sliding) == 1)
+        if not self.sliding:
+            slides = "joints slip where they open"
+        return f"{slides}: without dilatancy it may fall at less"
+
+    def __str__(self) -> str:
+        """One sentence, the verdict first and names last; empty where there is nothing to say."""
+        if not self.is_worth_a_word:
+            return ""
+        method = "method 'zero-dilatancy' (--method zero-dilatancy)"
+        said = [
+            f"{self.row}, which {method} looks for",
+            f"1 % less friction would take about {self.share:.3g} % off the load factor",
+        ]
+        if self.is_all:
+            said = [
+                "forces that carry any multiple of the live load were found and checked, but they "
+                f"rest on dilatancy alone, which presses joints that cannot open: {self.row}, and "
+                f"{method} finds from which load on"
+            ]
         named, more = ", ".join(self.sliding[:_NAMED]), len(self.sliding) - _NAMED
         named += f" and {more} more" if more > 0 else ""
-        if self.is_all:
-            joints = f"without it joints slide ({named})" if named else "without it joints slide"
-            if self.safe > 0.0:
-                safe = f"{float(rounded(self.safe, 5)):g}"
-                joints += f", none of them below a load factor of {safe} (proved)"
-            return (
-                "forces that carry any multiple of the live load were found and checked, but they "
-                f"rest on dilatancy alone, which presses joints that cannot open: {joints}, and "
-                "method 'zero-dilatancy' (--method zero-dilatancy) finds from which load on"
-            )
-        count = f"{len(self.sliding)} of {self.moving} joints that move"
-        slides = "slides and opens" if len(self.sliding) == 1 else "slide and open"
-        joints = f"{count} ({named}) {slides}" if named else "joints slip where they open"
-        nearly = ""
-        if self.nearly is not None and self.lacks is not None:
-            short = f" (short by {100.0 * self.lacks:.1g} %)" if self.lacks > TOLERANCE else ""
-            nearly = (
-                f"; at a first look {rounded(self.nearly, 4)} holds without dilatancy{short}, "
-                "which is neither the lowest nor a bound"
-            )
-        return (
-            f"{joints} by dilatancy, which takes {100.0 * self.share:.3g} % of the live load's "
-            "work: the load factor is on the unsafe side, and method 'zero-dilatancy' (--method "
-            f"zero-dilatancy) answers without dilatancy{nearly}"
-        )
+        return "; ".join(said + ([f"those that slide: {named}"] if named else []))
 
 
 def dilatancy_of(
