@@ -85,8 +85,7 @@ def test_a_live_load_that_would_hold_it_turned_round(live: tuple[float, float, f
     solution = solve(slab(live=live))
     assert solution.status is Status.DEAD_LOAD_UNSTABLE
     assert solution.interval is None
-    assert "in the opposite direction" in solution.note
-    assert "times the live load would hold it" in solution.note
+    assert "times the live load in the opposite direction would hold it" in solution.note
 
 
 def test_a_slender_block_that_falls_over() -> None:
@@ -194,8 +193,7 @@ def test_files_pictures_tables_and_the_command_line(
         assert run(["solve", str(name), "--json", str(tmp_path / "again.json")]) == 0
         out = capsys.readouterr().out
         assert f"load factor  {range_}" in out
-        assert re.search(r"\[0\.\S+, 0\.\S+\] to \[1\.\S+, 1\.\S+\]  certified", out) is not None
-        assert "interval     it stands with 0." in out
+        assert "interval     it stands with " in out
         assert "certified" in out
 
 

@@ -74,7 +74,7 @@ def test_it_says_what_one_has_to_defend(dam: Solution) -> None:
     page = Read(dam.report()).words
     for said in (
         "1.0572", "between 1.05720 and 1.05721", "both bounds are proved", "certified",
-        "the load factor is on the unsafe side",
+        "moving joints slides: without dilatancy it may fall at less",
         "5, weight 1207.5 kN", "1: ground", "9 x 1 x 10 m", "23 kN/m³",
         "joint tolerance of one hundredth of the thinner block's mean thickness",
         "own weight along (0, 0, -1); (0, 0, -1207.5) kN in all",
@@ -154,8 +154,7 @@ def test_friction_without_dilatancy_is_beside_it(dam: Solution) -> None:
     without = solve(builtin_scene("dam"), method="zero-dilatancy")
     words = Read(dam.report(without_dilatancy=without)).words
     first = words.index("load factor without dilatancy")  # it is what is to be reported
-    assert first < words.index("with dilatancy 1.0572, an upper bound of the number above")
-    assert words.index("the lowest of the") < words.index("both bounds are proved")
+    assert first < words.index("with dilatancy 1.0572")
     own = Read(without.report()).words
     assert "without dilatancy, for which there is no single answer" in own
 
@@ -212,7 +211,7 @@ def test_a_reaction_and_what_has_no_answer() -> None:
     assert "live load" not in words
     leaning = [*piers[:1], Block.box("beam", (0, 0, 0), (1, 1, 0.2), density=10.0)]
     falls = solve(Scene(leaning, ["p0"], Load(acceleration=(1, 0, 0))))
-    assert "dead load cannot stand: this was proved" in Read(falls.report()).words
+    assert "no load factor: dead load cannot stand" in Read(falls.report()).words
 
 
 def test_it_needs_the_scene(dam: Solution, tmp_path: Path) -> None:

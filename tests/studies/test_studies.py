@@ -400,7 +400,7 @@ solution.plot("page", "wall.html")
     names: dict = {}
     exec(script, names)  # as a user would run it
     assert names["solution"].status == "certified"
-    assert "21 of 31 joints that move" in names["solution"].note
+    assert "21 of 31 moving joints slide" in names["solution"].note
     assert "requestAnimationFrame" in (tmp_path / "wall.html").read_text("utf-8")
 
 

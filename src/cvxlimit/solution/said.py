@@ -127,11 +127,11 @@ def _bracketed(solution: Solution) -> Said:
     # Where bounds are apart they are the answer, and no number between them is.
     within = f"between {low} and {high}{unit}"
     value, standing = within, status
-    headline = f"{what} of this model, {sure} to lie {within}"
+    headline = f"{what}, {sure} to lie {within} for this model"
     if not bracket.has_both:
         value = f"at least {low}" if np.isfinite(bracket.lower) else f"at most {high}"
         value += unit
-        headline = f"{what} of this model is {value}, and the other bound is not known"
+        headline = f"{what} is {value} for this model, and the other bound is not known"
     elif factor is not None and solution.interaction == "none" and solution.status.is_good:
         value, standing = f"{rounded(factor, _digits(bracket))}{unit}", f"[{low}, {high}]  {status}"
     if not solution.status.is_good:
@@ -139,7 +139,7 @@ def _bracketed(solution: Solution) -> Said:
     rows = _sliding(solution)
     report, option = "this with its bracket, as a page to sign", "--report FILE.html"
     if rows:
-        headline = f"with dilatancy, {headline}; {rows[0][1]}"
+        headline = f"with dilatancy {headline}; {rows[0][1]}"
         report, option = "the lowest load found if sliding opens no joint", _WITHOUT
     return Said(
         value=value, standing=standing, headline=headline, rows=rows, report=report, option=option

@@ -28,6 +28,7 @@ from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE
+from cvxlimit.solution.said import said
 from cvxlimit.solvers import asked_ladder, ladder_of
 from cvxlimit.solvers.threads import one_thread
 from cvxlimit.studies.identity import digest, row_identity, surface_forms
@@ -38,7 +39,7 @@ from cvxlimit.surfaces.coulomb import surfaces_of
 
 Row = dict[str, Any]
 
-FIGURES = ("load_factor", "lower", "upper", "gap", "least_factor")
+FIGURES = ("load_factor", "lower", "upper", "gap", "least_factor", "dilatancy")
 TEXTS = ("status", "note", "error", "solver")
 RESULTS = (*FIGURES, *TEXTS, "seconds")
 """Columns of a sweep besides its parameters."""
@@ -241,16 +242,16 @@ class Study:
     def _solved(self, scene: Scene, options: Row, known: Structures) -> Row:
         """Returns the results of one scene, by column."""
         solution = _answer(known, scene, {**self.options, **options})
+        slides, end = solution.dilatancy, solution.lower_end
         figures: Row = {
             "load_factor": np.nan if solution.load_factor is None else solution.load_factor,
             "lower": solution.lower,
             "upper": solution.upper,
             "gap": solution.gap,
-            "least_factor": np.nan
-            if solution.lower_end is None
-            else solution.lower_end.load_factor,
+            "least_factor": np.nan if end is None else end.load_factor,
+            "dilatancy": np.nan if slides is None else slides.share,
             "status": str(solution.status),
-            "note": solution.note,
+            "note": said(solution).headline,
             "solver": solution.history[-1].solver if solution.history else "",
         }
         figures |= dict(self.measure(solution) if self.measure else {})
