@@ -215,7 +215,7 @@ def test_the_result_is_of_what_was_asked_for(
     run: Run, options: str, said: dict[str, object]
 ) -> None:
     """One block rocks at 0.4 by every model; the fixed point stops at a change of 1e-2."""
-    code, out, err = run("solve", "single-block", *options.split(), "--tolerance", "1e-2",
+    code, _, err = run("solve", "single-block", *options.split(), "--tolerance", "1e-2",
                          "--json", "o.json")  # fmt: skip
     assert (code, err) == (0, "")
     result = read_result("o.json")

@@ -393,7 +393,7 @@ class Drawing:
     scene: str = argument()
     plot: Path | None = option(
         "OUT.png|.html",
-        "Picture, or page to turn and point at. Unless given, a page is opened in the browser.",
+        "Picture, or page to turn and point at. Unless given, a page in a temporary folder.",
         group=OUTPUT,
     )
 
@@ -416,8 +416,6 @@ def show_command(asked: Drawing) -> ExitCode:
     scene, refusal = interruptible(checked)
     plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(name).stem}.html"
     written = [("written", str(path)) for path in plot_scene(scene, plot, refusal)]
-    if asked.plot is None:
-        typer.launch(plot.as_uri())
     blocks = f"{counted(len(scene.free), 'free block')}, {counted(len(scene.supports), 'support')}"
     contacts = "" if refusal else f" x {counted(len(scene.contacts), 'contact')}"
     weight = f"{scene.total_weight:.6g} {scene.units.force}"
@@ -432,6 +430,8 @@ def show_command(asked: Drawing) -> ExitCode:
              + (f", {counted(pressures, 'pressure')}" if pressures else ""))
         ]  # fmt: skip
     rows += written
+    if asked.plot is None:
+        rows.append(("to see it", "open that file in a browser"))
     show(facts(rows))
     if refusal is not None:
         raise refusal

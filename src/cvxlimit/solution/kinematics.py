@@ -161,7 +161,8 @@ off the load factor; those that slide: ground-a, ground-b
         if not self.is_worth_a_word:
             return ""
         if self.is_all:
-            safe = f", at no less than {float(rounded_down(self.safe, 5)):g} (proved)"
+            safe = f"{float(rounded_down(self.safe, 5)):g}"
+            safe = f", none of them below a load factor of {safe} (proved)"
             return f"without dilatancy joints slide{safe if self.safe > 0.0 else ''}"
         slides = f"{len(self.sliding)} of {self.moving} moving joints slide"
         slides += "s" * (len(self.sliding) == 1)

@@ -136,6 +136,8 @@ means 5 times in a row
     @property
     def band(self) -> str:
         """Its ends in words, rounded to the nearest: they are no bounds."""
+        if self.last == 1:
+            return f"last iterate {rounded(self.lowest, 5)}"
         ends = f"{rounded(self.lowest, 5)} to {rounded(self.highest, 5)}"
         return f"last {self.last} iterates {ends}"
 

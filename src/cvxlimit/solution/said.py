@@ -135,7 +135,8 @@ def _bracketed(solution: Solution) -> Said:
     elif factor is not None and solution.interaction == "none" and solution.status.is_good:
         value, standing = f"{rounded(factor, _digits(bracket))}{unit}", f"[{low}, {high}]  {status}"
     if not solution.status.is_good:
-        headline += f": {status}, which is wider than was asked for"
+        wider = ", as the bracket is wider than was asked for" if bracket.has_both else ""
+        headline += f": {status}{wider}"
     rows = _sliding(solution)
     report, option = "this with its bracket, as a page to sign", "--report FILE.html"
     if rows:
@@ -223,15 +224,16 @@ def _iterated(solution: Solution) -> Said:
     found, status, factor = solution.iteration, str(solution.status), solution.load_factor
     dilates = solution.flow == "associated"
     rows: tuple[tuple[str, str], ...] = () if found is None else (("paper", found.stop),)
-    band = "" if found is None else found.band
+    band = "" if found is None else f"{found.band}, with this solver"
     better = "bounds" if dilates else "the lowest found of several solutions"
     option = "--method certified" if dilates else _WITHOUT
     if dilates and solution.surface != "conic":
         option = f"--surface conic {option}"
     if factor is None or not solution.status.is_good:
+        headline = _joined(f"no load factor: {status}", band and f"{band}; others end elsewhere")
         return Said(
-            value="none", standing=_joined(status, band), rows=rows, report=better, option=option,
-            headline=_joined(f"no load factor: {status}", band and f"{band}, which bound nothing"),
+            value="none", standing=_joined(status, band), headline=headline, rows=rows,
+            report=better, option=option,
         )  # fmt: skip
     value, standing = rounded(factor, UNPROVED), f"{status}, which bounds nothing"
     headline = _joined("where the iteration of the paper settled; it bounds nothing", band)
