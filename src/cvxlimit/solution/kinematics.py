@@ -10,7 +10,7 @@ import numpy as np
 from cvxlimit.base.arrays import SMALL, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import rounded_down
+from cvxlimit.solution.bracket import rounded
 
 VISIBLE = 0.01
 """Contact rates below this fraction of the largest corner speed are not counted as movement, nor
@@ -161,7 +161,7 @@ off the load factor; those that slide: ground-a, ground-b
         if not self.is_worth_a_word:
             return ""
         if self.is_all:
-            safe = f"{float(rounded_down(self.safe, 5)):g}"
+            safe = f"{float(rounded(self.safe, 5)):g}"
             safe = f", none of them below a load factor of {safe} (proved)"
             return f"without dilatancy joints slide{safe if self.safe > 0.0 else ''}"
         slides = f"{len(self.sliding)} of {self.moving} moving joints slide"
