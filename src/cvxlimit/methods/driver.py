@@ -224,9 +224,9 @@ class Run:
         if self.progress is None and not LOG.isEnabledFor(logging.INFO):
             return
         has_bracket = self.best.bracket.has_any
-        result = outcome.status if factor is None else f"load factor {rounded(factor)}"
+        result = outcome.status if factor is None else f"iterate {rounded(factor, 5)}"
         result = f"load factor in {self.best.bracket}" if has_bracket else result
-        line = ProgressLine(f"solve {len(self.history)}, {solver}: {result}")
+        line = ProgressLine(f"{result} (solve {len(self.history)}, {solver})")
         line.has_bracket = has_bracket
         self.tell(line)
 

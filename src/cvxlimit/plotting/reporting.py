@@ -76,15 +76,16 @@ def _result(solution: Solution, without: Solution | None) -> Rows:
     told = said(first)
     without_it = "" if first.flow == "associated" else " without dilatancy"
     yield f"{solution.quantity}{without_it}", told.value
-    yield "which is", told.headline
+    yield "in words", told.headline
     if without is not None:
         other = said(solution)
         yield "with dilatancy", f"{other.value}, an upper limit of the number above"
-        yield "which is", other.headline
-    bracket, unit = solution.bracket, f" {solution.quantity_unit}".rstrip()
-    if bracket.has_both:
-        low, high = rounded_down(bracket.lower, 6), rounded_up(bracket.upper, 6)
-        yield "bracket", f"between {low} and {high}{unit}, relative width {solution.gap:.1e}"
+        yield "in words", other.headline
+    unit, end = f" {solution.quantity_unit}".rstrip(), solution.lower_end
+    for name, bracket in (("bracket", solution.bracket), ("lower end", end and end.bracket)):
+        if bracket and bracket.has_both:
+            low, high = rounded_down(bracket.lower, 6), rounded_up(bracket.upper, 6)
+            yield name, f"between {low} and {high}{unit}, relative width {bracket.width:.1e}"
     yield "status", first.standing
     for each in dict.fromkeys((first, solution)):
         if basis := basis_of(each):
@@ -303,7 +304,7 @@ def _path(path: Path) -> Rows:
     if path.slides:
         limit = "an upper limit" if path.flow == "associated" else "one of several possible paths"
         which = f"{limit}: joints slide on the way, so that the curve depends on the step"
-    yield "which is", which
+    yield "in words", which
     first, last = (f"{path.load_factor[k]:.5g}" for k in (0, -1))
     way = f"{path.displacement[-1]:.5g} {path.scene.units.length}"
     of = "the live load (mean)" if path.control is None else f"block {path.control[0]}"

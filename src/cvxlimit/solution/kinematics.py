@@ -157,13 +157,10 @@ off the load factor; those that slide: ground-a, ground-b
 
     @property
     def row(self) -> str:
-        """The verdict in a few words, without names; empty where there is nothing to say."""
-        if not self.is_worth_a_word:
+        """The verdict in a few words, without names; empty where there is nothing to say, or no
+        load factor to say it of."""
+        if not self.is_worth_a_word or self.is_all:
             return ""
-        if self.is_all:
-            safe = f"{float(rounded(self.safe, 5)):g}"
-            safe = f", none of them below a load factor of {safe} (proved)"
-            return f"without dilatancy joints slide{safe if self.safe > 0.0 else ''}"
         slides = f"{len(self.sliding)} of {self.moving} moving joints slide"
         slides += "s" * (len(self.sliding) == 1)
         if not self.sliding:
@@ -174,20 +171,27 @@ off the load factor; those that slide: ground-a, ground-b
         """One sentence, the verdict first and names last; empty where there is nothing to say."""
         if not self.is_worth_a_word:
             return ""
-        method = "method 'zero-dilatancy' (--method zero-dilatancy)"
-        said = [
-            f"{self.row}, which {method} looks for",
-            f"1 % less friction would take about {self.share:.3g} % off the load factor",
-        ]
-        if self.is_all:
-            said = [
-                "forces that carry any multiple of the live load were found and checked, but they "
-                f"rest on dilatancy alone, which presses joints that cannot open: {self.row}, and "
-                f"{method} finds from which load on"
-            ]
         named, more = ", ".join(self.sliding[:_NAMED]), len(self.sliding) - _NAMED
         named += f" and {more} more" if more > 0 else ""
-        return "; ".join(said + ([f"those that slide: {named}"] if named else []))
+        named = f"; those that slide: {named}" if named else ""
+        if self.is_all:
+            return self._without_limit() + named
+        return (
+            f"{self.row}, which method 'zero-dilatancy' (--method zero-dilatancy) looks for; "
+            f"1 % less friction would take about {self.share:.3g} % off the load factor{named}"
+        )
+
+    def _without_limit(self) -> str:
+        """The sentence where any multiple of the live load is carried with dilatancy."""
+        joints = "without it joints slide"
+        if self.safe > 0.0:
+            safe = f"{float(rounded(self.safe, 5)):g}"
+            joints += f", none of them below a load factor of {safe} (proved)"
+        return (
+            "forces that carry any multiple of the live load were found and checked, but they "
+            f"rest on dilatancy alone, which presses joints that cannot open: {joints}, and "
+            "method 'zero-dilatancy' (--method zero-dilatancy) finds from which load on"
+        )
 
 
 def dilatancy_of(

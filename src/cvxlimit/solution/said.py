@@ -20,6 +20,8 @@ UNPROVED = 5
 """Digits of numbers that nothing bounds: those that another solver may find as well."""
 
 _WITHOUT = "--method zero-dilatancy"
+LOWEST = "the lowest load found if sliding opens no joint"
+"""What to report where joints slide."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,10 +73,12 @@ def said(solution: Solution) -> Said:
     if solution.lower_end is not None:
         return _interval(solution)
     if not status.has_answer:
-        headline = f"no load factor: {solution.standing}"
+        slides = solution.dilatancy is not None and solution.dilatancy.is_all
         return Said(
-            value="none", standing=solution.standing, headline=headline, rows=_sliding(solution)
-        )
+            value="none", standing=solution.standing,
+            headline=f"no load factor: {solution.standing}",
+            report=LOWEST if slides else "", option=_WITHOUT if slides else "",
+        )  # fmt: skip
     if solution.flow == "zero-dilatancy":
         return _members(solution)
     if solution.bracket.has_any:
@@ -127,21 +131,21 @@ def _bracketed(solution: Solution) -> Said:
     # Where bounds are apart they are the answer, and no number between them is.
     within = f"between {low} and {high}{unit}"
     value, standing = within, status
-    headline = f"{what}, {sure} to lie {within} for this model"
+    rows = _sliding(solution)
+    case = "if joints open as they slide" if rows else "for this model"
+    headline = f"{what}, {sure} to lie {within} {case}"
     if not bracket.has_both:
         value = f"at least {low}" if np.isfinite(bracket.lower) else f"at most {high}"
         value += unit
-        headline = f"{what} is {value} for this model, and the other bound is not known"
+        headline = f"{what} is {value} {case}, and the other bound is not known"
     elif factor is not None and solution.interaction == "none" and solution.status.is_good:
         value, standing = f"{rounded(factor, _digits(bracket))}{unit}", f"[{low}, {high}]  {status}"
     if not solution.status.is_good:
         wider = ", as the bracket is wider than was asked for" if bracket.has_both else ""
         headline += f": {status}{wider}"
-    rows = _sliding(solution)
     report, option = "this with its bracket, as a page to sign", "--report FILE.html"
     if rows:
-        headline = f"with dilatancy {headline}; {rows[0][1]}"
-        report, option = "the lowest load found if sliding opens no joint", _WITHOUT
+        report, option, headline = LOWEST, _WITHOUT, f"{headline}; {rows[0][1]}"
     return Said(
         value=value, standing=standing, headline=headline, rows=rows, report=report, option=option
     )
@@ -156,7 +160,8 @@ def _interval(solution: Solution) -> Said:
     what, *_ = solution.range_text.split(" and more")
     stands = f"it stands with {what} times the live load, and neither with less nor with more"
     if not has_end:
-        stands = f"it stands with any multiple of the live load from {what} on, and not with less"
+        how = "" if solution.is_answered else " if joints open as they slide"
+        stands = f"it stands with any multiple of the live load from {what} on{how}, not with less"
     rows = (
         ("interval", stands),
         *_sliding(solution, "at the upper end " if has_end else ""),
