@@ -139,6 +139,14 @@ def test_a_number_that_nothing_bounds_is_not_shown_as_the_answer(
     assert "0 lies above all solutions found" in said(below).headline
 
 
+def test_what_searches_say_of_each_other_has_a_row(kinds: dict[str, Solution]) -> None:
+    note = (
+        "34 solutions found, 1.7 to 1.8; 4 searches agree on 1.7284; none is lower for all we know"
+    )
+    rows = dict(said(replace(kinds["lowest member"], note=note)).rows)
+    assert rows["searches"] == "4 searches agree on 1.7284"
+
+
 def test_the_row_that_warns_has_no_load_factor() -> None:
     """Counts of joints are none."""
     names = tuple(f"a-{i}" for i in range(9))

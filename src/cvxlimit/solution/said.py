@@ -188,6 +188,8 @@ def _members(solution: Solution) -> Said:
     span = " to ".join(dict.fromkeys(rounded(x, UNPROVED) for x in (factor, highest)))
     number = f"{len(members) or 1} found without dilatancy, {span}"
     rows = [("solutions", _joined(number, limits))]
+    # what several searches say of each other, where the note has it
+    rows += [("searches", part) for part in solution.note.split("; ") if " search" in part][:1]
     limited = f"of all such solutions {limits}" if limits else ""
     value, standing = rounded(factor, UNPROVED), "lowest found; not proved to be the least"
     found = "lowest load factor found at which it can fall if sliding opens no joint"
