@@ -143,11 +143,19 @@ def test_a_path_and_its_check() -> None:
     path = pushover(wall)
     words = Read(solve(wall).report(path=path, check=code_check(path))).words
     assert "0.4 with friction at points" in words
+    assert "the path of this model: joints rock and do not slide" in words
     assert path.reason in words
     for said in ("Circolare 7/2019", "to be compared with the code in force", "are spectral"):
         assert said in words
     for name, value, unit, _ in code_check(path).rows:
         assert f"{name} {value:.6g} {unit}".rstrip() in words, name
+
+
+def test_a_path_that_slides_says_so_first() -> None:
+    path = pushover(builtin_scene("single-block").with_friction(0.2))
+    words = Read(path.initial.of(path.scene).report(path=path)).words
+    slides = words.index("an upper limit: joints slide on the way")
+    assert slides < words.index("0.2 with friction at points")
 
 
 def test_friction_without_dilatancy_is_beside_it(dam: Solution) -> None:
