@@ -65,6 +65,8 @@ def answers() -> dict[str, Solution]:
         "one solution": solve(slab(), method="gilbert"),
         "reaction": settlement(on_piers, "p1", (0, 0, -1)).solution,
         "wide": replace(rocks, bracket=Bracket(0.25, 0.5), status=Status.NOT_CERTIFIED),
+        "stopped": replace(members, status=Status.INTERRUPTED),
+        "no solver": replace(rocks, bracket=Bracket(), status=Status.SOLVER_FAILED),
         "one bound": replace(rocks, bracket=Bracket(0.25), status=Status.NOT_CERTIFIED),
     }
 
@@ -92,6 +94,8 @@ SENTENCES = {
     "one solution": "one solution if sliding opens no joint; there may be lower ones",
     "reaction": "the least reaction of p1, proved to lie between ",
     "wide": "between 0.25 and 0.5 for this model: not certified, as the bracket is wider than was",
+    "stopped": "lowest load factor found at which it can fall if sliding opens no joint; not",
+    "no solver": "no load factor: solver failed",
     "one bound": "the load factor is at least 0.25 for this model, and the other bound is not",
 }
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded, rounded_down, rounded_up
+from cvxlimit.solution.records import Status
 from cvxlimit.solution.solution import Solution
 
 DIGITS = 7
@@ -125,8 +126,8 @@ def _bracketed(solution: Solution) -> Said:
     bracket, factor, unit = solution.bracket, solution.load_factor, solution.quantity_unit
     (low, high), status = ends(bracket), solution.standing
     what, unit = f"the {solution.quantity}", f" {unit}".rstrip()
-    bends = solution.interaction not in ("none", "exact")
-    what += f" with bending ({solution.moments} moments)" if bends else ""
+    if solution.interaction != "none":
+        what += f" with bending ({solution.moments} moments)"
     sure = "proved" if solution.is_proved else "recomputed"
     # Where bounds are apart they are the answer, and no number between them is.
     within = f"between {low} and {high}{unit}"
@@ -162,14 +163,11 @@ def _interval(solution: Solution) -> Said:
     if not has_end:
         how = "" if solution.is_answered else " if joints open as they slide"
         stands = f"it stands with any multiple of the live load from {what} on{how}, not with less"
-    rows = (
-        ("interval", stands),
-        *_sliding(solution, "at the upper end " if has_end else ""),
-    )
-    slides = rows[-1][1] if len(rows) > 1 else ""
+    rows = (("interval", stands), *_sliding(solution, "at the upper end " if has_end else ""))
+    headline = _joined(stands, solution.standing, *(words for _, words in rows[1:]))
     return Said(
-        value=solution.range_text, standing=f"{shown}  {solution.standing}",
-        headline=_joined(stands, solution.standing, slides), rows=rows,
+        value=solution.range_text, standing=f"{shown}  {solution.standing}", headline=headline,
+        rows=rows,
         report="both ends with their brackets, as a page to sign", option="--report FILE.html",
     )  # fmt: skip
 
@@ -204,6 +202,8 @@ def _members(solution: Solution) -> Said:
         depends = "whether it stands depends on the state of forces"
         rows.insert(0, ("dead load", f"{where} solutions found: {depends}"))
         headline = _joined(f"{where} solutions found ({span}): {depends}", limited)
+    if not solution.status.is_good:
+        standing = f"{solution.status}; {standing}"
     return Said(
         value=value, standing=standing, headline=headline, rows=tuple(rows), report=report,
         option="--report FILE.html",
@@ -232,10 +232,13 @@ def _iterated(solution: Solution) -> Said:
     dilates = solution.flow == "associated"
     rows: tuple[tuple[str, str], ...] = () if found is None else (("paper", found.stop),)
     band = "" if found is None else f"{found.band}, with this solver"
-    better = "bounds" if dilates else "the lowest found of several solutions"
-    option = "--method certified" if dilates else _WITHOUT
-    if dilates and solution.surface != "conic":
-        option = f"--surface conic {option}"
+    # What answers the question: bounds with bending, or several solutions without dilatancy.
+    better, option = "the lowest found of several solutions", _WITHOUT
+    if dilates:
+        better, option = "bounds", "--method certified"
+        option = option if solution.surface == "conic" else f"--surface conic {option}"
+    if (dilates and found is None) or solution.status is Status.SOLVER_FAILED:
+        better = option = ""
     if factor is None or not solution.status.is_good:
         headline = _joined(f"no load factor: {status}", band and f"{band}; others end elsewhere")
         return Said(
