@@ -163,6 +163,8 @@ def test_friction_without_dilatancy_is_beside_it(dam: Solution) -> None:
     words = Read(dam.report(without_dilatancy=without)).words
     first = words.index("load factor without dilatancy")  # it is what is to be reported
     assert first < words.index("with dilatancy 1.0572")
+    assert "the least load factor if sliding opens no joint" in words
+    assert "may fall at less" not in words  # it is proved that it does not
     own = Read(without.report()).words
     assert "without dilatancy, for which there is no single answer" in own
 

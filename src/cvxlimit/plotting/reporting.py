@@ -78,23 +78,21 @@ def _result(solution: Solution, without: Solution | None) -> Rows:
     yield f"{solution.quantity}{without_it}", told.value
     yield "in words", told.headline
     if without is not None:
-        other = said(solution)
-        yield "with dilatancy", f"{other.value}, an upper limit of the number above"
-        yield "in words", other.headline
+        yield "with dilatancy", f"{said(solution).value}, an upper limit of the number above"
     unit, end = f" {solution.quantity_unit}".rstrip(), solution.lower_end
-    for name, bracket in (("bracket", solution.bracket), ("lower end", end and end.bracket)):
+    whose = "bracket" if without is None else "its bracket"
+    for name, bracket in ((whose, solution.bracket), ("lower end", end and end.bracket)):
         if bracket and bracket.has_both:
             low, high = rounded_down(bracket.lower, 6), rounded_up(bracket.upper, 6)
             yield name, f"between {low} and {high}{unit}, relative width {bracket.width:.1e}"
     yield "status", first.standing
-    for each in dict.fromkeys((first, solution)):
-        if basis := basis_of(each):
-            yield "rests on", basis
-    dilatancy = solution.dilatancy
+    if basis := basis_of(first):
+        yield "rests on", basis
+    dilatancy = first.dilatancy
     if dilatancy is not None and dilatancy.is_worth_a_word:
         yield "sliding", str(dilatancy)
     elif dilatancy is not None:
-        yield "sliding", "none that counts: joints of this mechanism open and do not slide"
+        yield "sliding", "none that counts in this mechanism"
 
 
 def _pictures(scene: Scene, solution: Solution) -> str:
