@@ -32,7 +32,6 @@ PLACES = {
     "solution_plot": ("plotting", "picture_of"),
     "solution_table": ("plotting.frames", "table_of"),
     "solution_sensitivity": ("readings.sensitivity", "sensitivity"),
-    "solution_first_look": ("methods.dilatancy.first_look", "first_look"),
     "solution_to_compas": ("io.geometry.compas_results", "results"),
     "sensitivity_table": ("plotting.frames", "sensitivity_table"),
     "without_dilatancy": ("methods.dilatancy.unbounded", "without_dilatancy"),

@@ -80,27 +80,34 @@ def command(*arguments: str) -> list[str]:
 
 
 def test_solved_scene(run: Run) -> None:
-    code, out, err = run("solve", "tuff-wall")
+    code, brief, err = run("solve", "tuff-wall")
     assert code == 0
     assert err == ""
-    rows = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in out.splitlines())
+    rows = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in brief.splitlines())
+    assert list(rows) == ["load factor", "sliding", "report"]
+    shown, inside, ended = re.split(r"\s{2,}", rows["load factor"])
+    assert float(shown) == pytest.approx(0.423056, abs=5e-6)
+    assert ended == "certified"
+    out = run("solve", "tuff-wall", "-v")[1]
+    assert out.startswith(brief)
+    lines = out.partition("\n\n")[2].partition("\n\n")[0].splitlines()
+    rows = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in lines)
     assert rows["scene"] == "tuff-wall (built-in)"
     assert rows["size"] == "54 free blocks x 146 contacts"
-    assert float(rows["load factor"]) == pytest.approx(0.423056, abs=5e-6)
-    assert rows["status"] == "certified"
     assert "proved" in rows["basis"]
     assert re.search(r"[A-Z]+.* \(\d+ solves?\)$", rows["solver"])
     assert re.findall(r"[a-z]+(?= \d)", rows["time in s"])[-1] == "total"
     ends = re.match(r"\[(\S+), (\S+)\], relative width (\S+)$", rows["bracket"])
     assert ends is not None
-    assert float(ends[1]) <= float(rows["load factor"]) <= float(ends[2])
+    assert float(ends[1]) <= float(shown) <= float(ends[2])
+    assert rows["bracket"].startswith(inside)
     assert float(ends[3]) <= 1e-5
 
 
 def test_summary_is_deterministic_apart_from_times(run: Run) -> None:
-    first, second = (run("solve", "arch", "--surface", "octagon")[1] for _ in range(2))
+    first, second = (run("solve", "arch", "--surface", "octagon", "-v")[1] for _ in range(2))
     assert without_times(first) == without_times(second)
-    assert "surface      octagon\n" in first
+    assert "model        octagon surface\n" in first
 
 
 def test_result_file_is_the_solution(run: Run) -> None:
@@ -129,12 +136,12 @@ def test_a_result_file_on_stdout_is_all_that_is_there(run: Run) -> None:
     code, out, err = run("solve", "stack", "--json", "-")
     Path("out.json").write_text(out, "utf-8")
     assert (code, read_result("out.json").scene_name) == (0, "stack")
-    assert "status       certified" in err
+    assert "]  certified\n" in err
     assert not Path("-").exists()
 
 
 def test_one_solver_by_name(run: Run) -> None:
-    code, out, _ = run("solve", "stack", "--solver", "clarabel")
+    code, out, _ = run("solve", "stack", "--solver", "clarabel", "-v")
     assert code == 0
     assert re.search(r"^solver +CLARABEL \(", out, re.MULTILINE)
 
@@ -208,13 +215,12 @@ def test_the_result_is_of_what_was_asked_for(
     run: Run, options: str, said: dict[str, object]
 ) -> None:
     """One block rocks at 0.4 by every model; the fixed point stops at a change of 1e-2."""
-    code, out, err = run("solve", "single-block", *options.split(), "--tolerance", "1e-2",
+    code, _, err = run("solve", "single-block", *options.split(), "--tolerance", "1e-2",
                          "--json", "o.json")  # fmt: skip
     assert (code, err) == (0, "")
     result = read_result("o.json")
     assert {name: getattr(result, name) for name in said} == said
     assert result.load_factor == pytest.approx(0.4, rel=2e-2)
-    assert ("solve  load factor" in out) == (result.interaction != "none")  # an iteration's history
 
 
 @pytest.mark.parametrize(
@@ -254,8 +260,9 @@ def test_a_dead_load_that_cannot_stand_has_exit_code_3(run: Run, command: tuple[
 def test_scene_file_and_names_that_look_like_markup(run: Run) -> None:
     Path("[red]").mkdir()
     write_scene(tower(), "[red]/to[bold]wer.json")
-    code, out, err = run("solve", "[red]/to[bold]wer.json", "--json", "[red]/o[i].json")
-    assert (code, err) == (0, "")
+    code, out, err = run("solve", "[red]/to[bold]wer.json", "-v", "--json", "[red]/o[i].json")
+    assert code == 0
+    assert "MarkupError" not in err
     assert "tower [bold] ([red]/to[bold]wer.json)\n" in out
     assert "written      [red]/o[i].json\n" in out
     assert Path("[red]/o[i].json").exists()
@@ -263,16 +270,16 @@ def test_scene_file_and_names_that_look_like_markup(run: Run) -> None:
 
 def test_control_characters_in_names_do_not_reach_the_terminal(run: Run) -> None:
     write_scene(tower().with_name("a\x1b[31m\nb"), "s.json")
-    code, out, _ = run("solve", "s.json")
+    code, out, _ = run("solve", "s.json", "-v")
     assert code == 0
-    assert r"scene        a\x1b[31m\nb (s.json)" in out
+    assert r"scene      a\x1b[31m\nb (s.json)" in out
     assert "\x1b" not in out
 
 
 def test_builtin_name_wins_over_a_file_and_a_path_does_not(run: Run) -> None:
     write_scene(tower(), "stack")
-    assert "scene        stack (built-in)" in run("solve", "stack")[1]
-    assert "scene        tower [bold] (./stack)" in run("solve", "./stack")[1]
+    assert "scene      stack (built-in)" in run("solve", "stack", "-v")[1]
+    assert "scene      tower [bold] (./stack)" in run("solve", "./stack", "-v")[1]
 
 
 def test_explain(run: Run) -> None:
@@ -356,8 +363,8 @@ def test_verbose_tells_every_solve_once(run: Run) -> None:
     for _ in range(2):  # nothing is left behind by the first
         code, out, err = run("solve", "stack", "-v")
         assert code == 0
-        assert out.startswith("scene        stack")
-        assert len(re.findall(r"^[\d:]+ solve 1, \w+: load factor in ", err, re.MULTILINE)) == 1
+        assert "\nscene      stack" in out
+        (_,) = re.findall(r"^[\d:]+ load factor in .* \(solve 1, \w+\)$", err, re.MULTILINE)
     assert run("solve", "stack")[2] == ""
     rows = run("sweep", "stack", "--vary", "friction=0.5,0.6", "-v")[2]
     assert re.findall(r"sweep: (\d of \d), ", rows) == ["1 of 2", "2 of 2"]
@@ -526,19 +533,18 @@ def test_no_answer(run: Run, scene: Scene, status: Status) -> None:
     code, out, err = run("solve", "s.json", "--json", "o.json", "--plot", "o.html")
     assert code == 3
     assert re.fullmatch(f"cvxlimit: {status}: .*{re.escape(status.advice)}.*\n", err)
-    assert f"load factor  none ({status})\n" in out
+    assert f"load factor  none   {status}\n" in out
     result = read_result("o.json")
     assert (result.status, result.load_factor) == (status, None)
     assert result.note in err
-    assert "size         1 free block x 1 contact\n" in out
     assert Path("o.html").exists()
 
 
 def test_not_certified_to_the_tolerance(run: Run) -> None:
-    code, out, err = run("solve", "arch", "--tolerance", "1e-14", "--json", "o.json")
+    code, out, err = run("solve", "arch", "--tolerance", "1e-14", "--json", "o.json", "-v")
     result = read_result("o.json")
     assert code == 4
-    assert err == f"cvxlimit: not certified: {Status.NOT_CERTIFIED.advice}\n"
+    assert err.endswith(f"cvxlimit: not certified: {Status.NOT_CERTIFIED.advice}\n")
     assert result.status is Status.NOT_CERTIFIED
     assert re.search(r"^solve +load factor .* solver +status$", out, re.MULTILINE)
     assert len(re.findall(r"^ +\d+ ", out, re.MULTILINE)) == len(result.history)
@@ -602,7 +608,7 @@ def test_process_with_pipes() -> None:
     )
     assert (done.returncode, done.stderr) == (0, b"")
     lines = done.stdout.decode().splitlines()
-    assert lines[0] == "scene        single-block (built-in)"
+    assert lines[0].startswith("load factor  0.4000000   [0.39999")
     assert all(line == line.rstrip() for line in lines)
     assert b"\x1b" not in done.stdout
 
@@ -676,7 +682,7 @@ def test_terminal_gets_progress_on_stderr_only(tmp_path: Path) -> None:
         (Bracket(1 / 3, 2 / 3), "[0.3333333, 0.6666667], relative width 5.0e-01 (asked: 1e-05)"),
         (Bracket(-0.0, 2 / 3), "[0, 0.6666667], relative width 1.0e+00 (asked: 1e-05)"),
         (Bracket(-1 / 3, 2 / 3), "[-0.3333334, 0.6666667], relative width 1.5e+00 (asked: 1e-05)"),
-        (Bracket(upper=1 / 3), "[?, 0.3333334], relative width inf (asked: 1e-05)"),
+        (Bracket(upper=1 / 3), "[?, 0.3333334], one bound (asked: 1e-05)"),
         (Bracket(), None),
     ],
 )
@@ -686,9 +692,9 @@ def test_bounds_are_rounded_outward(
     third = Solution(
         "s", "conic", "none", "independent", 1, 1, 1 / 3, bracket, Status.NOT_CERTIFIED, (), {}
     )
-    show(report.summary(third, "file", 1e-5, []))
+    show(report.details(third, "file", 1e-5))
     lines = [x for x in capsys.readouterr().out.splitlines() if x.startswith("bracket")]
-    assert lines == ([] if shown is None else [f"bracket      {shown}"])
+    assert lines == ([] if shown is None else [f"bracket  {shown}"])
 
 
 def test_history_leaves_empty_columns_out(capsys: pytest.CaptureFixture[str]) -> None:

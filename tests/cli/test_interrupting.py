@@ -164,10 +164,7 @@ def assert_bracket(program: Terminal, result: Path, low: float, high: float) -> 
     """
     code, out, shown = program.finish()
     assert code == 4
-    words = [line.split(maxsplit=1) for line in out.splitlines()]
-    rows = {line[0]: line[1] for line in words if len(line) == 2}
-    assert rows["status"] == "interrupted"
-    assert re.match(r"\[.*\d.*\], relative width", rows["bracket"])
+    assert re.match(r"load factor  (between|at least|at most) [\d.]+.*   interrupted$", out, re.M)
     assert shown.splitlines()[-1].startswith("cvxlimit: interrupted: the bracket is what was prov")
     solution = read_result(result)
     assert solution.status is Status.INTERRUPTED

@@ -31,7 +31,7 @@ from cvxlimit.io import (
     write_result,
     write_scene,
 )
-from cvxlimit.io.fields import laid_out
+from cvxlimit.io.fields import laid_out, one_line
 from cvxlimit.scene import Load, Scene, Units
 from cvxlimit.solution import Iterate, Solution, Status
 from cvxlimit.solution.bracket import Bracket
@@ -315,6 +315,14 @@ class TestMalformedScene:
     def test_folder(self, tmp_path: Path) -> None:
         with pytest.raises(InputError, match="this is a folder"):
             read_scene(tmp_path)
+
+    def test_no_sentence_loses_its_middle(self) -> None:
+        """Names of any length do; what is long beyond reason loses its end."""
+        known = "met the criterion after 60 solves, at 0.13040"
+        sentence = f"{' '.join(['joint-a'] * 30)}; {known}; {' '.join(['joint-b'] * 30)}"
+        assert one_line(sentence) == sentence
+        assert known in one_line(f"{known} {'x' * 5000} and more")
+        assert one_line(f"{known} {'name ' * 5000}").startswith(known)
 
     def test_odd_paths_stay_on_one_line(self, tmp_path: Path) -> None:
         for name in ("a\nb.json", "a\0b", "x" * 5000, "\x1b[31m"):

@@ -162,7 +162,7 @@ def test_it_claims_no_bounds(rule: FixedPoint) -> None:
     assert not run.bracket.has_any
     assert all(entry.lower is None and entry.upper is None for entry in run.history)
     assert "no bounds" in run.note
-    assert " in " not in title(run).split("load factor")[1]
+    assert " in " not in title(run).split(": ")[1]
     document = result_to_dict(run)
     assert (document["lower"], document["upper"]) == (None, None)
 

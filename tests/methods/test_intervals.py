@@ -85,8 +85,7 @@ def test_a_live_load_that_would_hold_it_turned_round(live: tuple[float, float, f
     solution = solve(slab(live=live))
     assert solution.status is Status.DEAD_LOAD_UNSTABLE
     assert solution.interval is None
-    assert "turned round, " in solution.note
-    assert "times the live load would hold it" in solution.note
+    assert "times the live load in the opposite direction would hold it" in solution.note
 
 
 def test_a_slender_block_that_falls_over() -> None:
@@ -222,7 +221,7 @@ def test_files_pictures_tables_and_the_command_line(
         assert run(["solve", str(name), "--json", str(tmp_path / "again.json")]) == 0
         out = capsys.readouterr().out
         assert f"load factor  {range_}" in out
-        assert "lower end    [0." in out
+        assert "interval     it stands with " in out
         assert "certified" in out
 
 
@@ -245,7 +244,7 @@ def test_random_piles_agree_with_a_program_of_its_own(seed: int) -> None:
     truth, solution = ends(scene), solve(scene)
     if truth is None or truth[1] < -1e-6:
         assert solution.status is Status.DEAD_LOAD_UNSTABLE
-        assert ("turned round" in solution.note) is (truth is not None)
+        assert ("in the opposite direction" in solution.note) is (truth is not None)
         assert solution.interval is None
     elif truth[0] < -1e-6 and truth[1] > 1e-6:
         assert solution.lower_end is None

@@ -211,7 +211,7 @@ class TestNotebooks:
     def test_a_solution_shows_picture_and_bracket(self, solved: Solution) -> None:
         text = solved._repr_html_()
         assert Tags(text).found.count("img") == 1
-        assert "<b>0.4</b>" in text
+        assert "<b>0.4000000</b>" in text
         assert "certified" in text
 
     def test_texts_of_the_scene_are_no_markup(self) -> None:
@@ -231,7 +231,7 @@ class TestNotebooks:
         monkeypatch.setitem(sys.modules, "matplotlib", None)
         text = solved._repr_html_()
         assert "img" not in Tags(text).found
-        assert "<b>0.4</b>" in text
+        assert "<b>0.4000000</b>" in text
 
     def test_huge_scenes_are_not_drawn_unasked(self, solved: Solution, monkeypatch) -> None:
         monkeypatch.setattr(notebook, "_MOST_BLOCKS", 1)

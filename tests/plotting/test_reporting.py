@@ -74,7 +74,7 @@ def test_it_says_what_one_has_to_defend(dam: Solution) -> None:
     page = Read(dam.report()).words
     for said in (
         "1.0572", "between 1.05720 and 1.05721", "both bounds are proved", "certified",
-        "the load factor is on the unsafe side",
+        "moving joints slides: without dilatancy it may fall at less",
         "5, weight 1207.5 kN", "1: ground", "9 x 1 x 10 m", "23 kN/m³",
         "joint tolerance of one hundredth of the thinner block's mean thickness",
         "own weight along (0, 0, -1); (0, 0, -1207.5) kN in all",
@@ -143,6 +143,7 @@ def test_a_path_and_its_check() -> None:
     path = pushover(wall)
     words = Read(solve(wall).report(path=path, check=code_check(path))).words
     assert "0.4 with friction at points" in words
+    assert "the path of this model: joints rock and do not slide" in words
     assert path.reason in words
     for said in ("Circolare 7/2019", "to be compared with the code in force", "are spectral"):
         assert said in words
@@ -150,12 +151,20 @@ def test_a_path_and_its_check() -> None:
         assert f"{name} {value:.6g} {unit}".rstrip() in words, name
 
 
+def test_a_path_that_slides_says_so_first() -> None:
+    path = pushover(builtin_scene("single-block").with_friction(0.2))
+    words = Read(path.initial.of(path.scene).report(path=path)).words
+    slides = words.index("an upper limit: joints slide on the way")
+    assert slides < words.index("0.2 with friction at points")
+
+
 def test_friction_without_dilatancy_is_beside_it(dam: Solution) -> None:
     without = solve(builtin_scene("dam"), method="zero-dilatancy")
     words = Read(dam.report(without_dilatancy=without)).words
     first = words.index("load factor without dilatancy")  # it is what is to be reported
-    assert first < words.index("with dilatancy 1.0572, an upper bound of the number above")
-    assert words.index("the lowest of the") < words.index("both bounds are proved")
+    assert first < words.index("with dilatancy 1.0572")
+    assert "the least load factor if sliding opens no joint" in words
+    assert "may fall at less" not in words  # it is proved that it does not
     own = Read(without.report()).words
     assert "without dilatancy, for which there is no single answer" in own
 
@@ -212,7 +221,7 @@ def test_a_reaction_and_what_has_no_answer() -> None:
     assert "live load" not in words
     leaning = [*piers[:1], Block.box("beam", (0, 0, 0), (1, 1, 0.2), density=10.0)]
     falls = solve(Scene(leaning, ["p0"], Load(acceleration=(1, 0, 0))))
-    assert "dead load cannot stand: this was proved" in Read(falls.report()).words
+    assert "no load factor: dead load cannot stand" in Read(falls.report()).words
 
 
 def test_it_needs_the_scene(dam: Solution, tmp_path: Path) -> None:

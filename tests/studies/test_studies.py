@@ -400,7 +400,7 @@ solution.plot("page", "wall.html")
     names: dict = {}
     exec(script, names)  # as a user would run it
     assert names["solution"].status == "certified"
-    assert "21 of 31 joints that move" in names["solution"].note
+    assert "21 of 31 moving joints slide" in names["solution"].note
     assert "requestAnimationFrame" in (tmp_path / "wall.html").read_text("utf-8")
 
 
@@ -470,6 +470,20 @@ class TestCommand:
         assert run([*given, "--output", str(folder)]) == 0
         assert f"all rows in {folder}, where 6 of 6 were found" in capsys.readouterr().out
         assert sorted(folder.glob("*.parquet")) == before  # nothing was added
+
+    def test_values_that_differ_are_printed_apart_and_sliding_has_a_column(self, capsys) -> None:
+        """A block slides, with a share of dilatancy of 1, or rocks: then there is no column."""
+        given = "friction=0.2,0.2000000001"
+        assert run(["sweep", "single-block", "--vary", given]) == 0
+        head, *rows = capsys.readouterr().out.splitlines()[:3]
+        assert [row.split()[0] for row in rows] == ["0.2", "0.2000000001"]
+        at = head.index("dilatancy")
+        assert {float(row[at : at + 9]) for row in rows} == {1.0}
+        assert run(["sweep", "single-block", "--vary", "friction=0.6,0.7"]) == 0
+        assert "dilatancy" not in capsys.readouterr().out
+        table = quiet(builtin_scene("single-block"), {"friction": [0.2, 0.6]})
+        assert table["dilatancy"].tolist() == pytest.approx([1.0, 0.0], abs=1e-5)
+        assert max(map(len, table["note"])) < 200
 
     def test_failures_are_rows_and_the_code_says_so(self, capsys) -> None:
         code = run(["sweep", "single-block", "--vary", "friction=0.5,-1"])

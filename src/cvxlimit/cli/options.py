@@ -59,7 +59,7 @@ _VERBOSITY = [
         ],
     )
     for name, said in (
-        ("verbose", "Report every step on stderr."),
+        ("verbose", "Say more; report every step on stderr."),
         ("quiet", "Print nothing but errors."),
     )
 ]

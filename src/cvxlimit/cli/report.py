@@ -19,9 +19,11 @@ from rich.text import Text
 
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.fields import one_line
+from cvxlimit.reductions.choice import duration, expected_seconds
 from cvxlimit.scene import Scene
-from cvxlimit.solution import LOAD_FACTOR, Iterate, LowerEnd, Solution, Status
-from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
+from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
+from cvxlimit.solution.bracket import Bracket, rounded, rounded_down, rounded_up
+from cvxlimit.solution.said import basis_of, said
 
 PICTURES = (".png", ".html", ".vtu", ".svg", ".pdf", ".gif", ".mp4")
 """What a solution can be drawn as."""
@@ -128,54 +130,59 @@ def show(*renderables: RenderableType) -> None:
     sys.stdout.flush()
 
 
-def summary(
-    solution: Solution, origin: str, tolerance: float | None, files: Sequence[str]
-) -> Table:
-    blocks = counted(solution.blocks, "free block")
-    value = solution.range_text or _text(solution.load_factor) or "none"
-    value += f" {solution.quantity_unit}".rstrip()
-    is_all = solution.dilatancy is not None and solution.dilatancy.is_all
-    value += (
-        "" if solution.is_answered else f" ({solution.standing if is_all else solution.status})"
-    )
+def summary(solution: Solution, files: Sequence[str]) -> Table:
+    """The verdict, in short rows for somebody who reads three lines."""
+    told = said(solution)
+    verdict = Text(told.value, style="bold").append(f"   {told.standing}", _style(solution))
+    rows: list[tuple[str, str | Text]] = [(solution.quantity, verdict)]
+    if solution.surface != "conic" or solution.interaction != "none":
+        rows.append(("model", _model(solution)))
+    rows += [(name, Text(row, style="yellow")) for name, row in told.rows]
+    if solution.lumped is not None and solution.lumped.is_worth_a_word:
+        rows.append(("geometry", Text(solution.lumped.row, style="yellow")))
+    if told.option and solution.quantity == LOAD_FACTOR:
+        rows.append(("report", f"{told.report}: {told.option}{_time(solution, told.method)}"))
+    return facts([*rows, *(("written", file) for file in files)])
+
+
+def _model(solution: Solution) -> str:
+    bending = f"; bending: {solution.interaction}, {solution.moments} moments"
+    return f"{solution.surface} surface" + (bending if solution.interaction != "none" else "")
+
+
+def _time(solution: Solution, method: str) -> str:
+    seconds = expected_seconds(solution.contacts, "planar" in solution.model)
+    return f" ({duration(seconds[method])})" if method in seconds else ""
+
+
+def details(solution: Solution, origin: str, tolerance: float | None) -> Table:
+    """What the verdict rests on: size, model, basis, names, shares, solvers and times."""
     asked = "" if tolerance is None else f" (asked: {tolerance:g})"
-    bracket = f"{solution.bracket}, relative width {solution.gap:.1e}{asked}"
-    interaction = solution.interaction
-    interaction += "" if interaction == "none" else f", {solution.moments} moments"
-    sliding = str(solution.dilatancy or "")
-    basis = solution.note.removesuffix(sliding).removesuffix("; ")
-    lumped = str(solution.lumped or "")
-    basis = basis.removesuffix(lumped).removesuffix("; ")
+    blocks = counted(solution.blocks, "free block")
+    bracket, end = solution.bracket, solution.lower_end
     solvers = Counter(one_line(iterate.solver) for iterate in solution.history)
     return facts(
         [
             ("scene", f"{solution.scene_name} ({origin})"),
             ("size", f"{blocks} x {counted(solution.contacts, 'contact')}"),
             ("friction", _friction(solution.solved_scene)),
-            ("model", f"reduced: {', '.join(solution.model)}" if solution.model else ""),
             ("surface", solution.surface),
             ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
-            ("flow", "" if solution.flow == "associated" else solution.flow),
-            ("interaction", interaction),
-            (solution.quantity, Text(value, style="bold")),
-            ("bracket", bracket if solution.bracket.has_any else ""),
-            ("lower end", _lower_end(solution.lower_end)),
-            ("basis", "" if solution.note == advice(solution) or is_all else basis),
-            ("dilatancy", Text(sliding, style="yellow")),
-            ("lumped", Text(lumped, style="yellow")),
-            ("status", Text(solution.standing, style=_style(solution))),
+            ("flow", solution.flow),
+            ("reduced", ", ".join(solution.model)),
+            ("bracket", f"{bracket}, {_width(bracket)}{asked}" if bracket.has_any else ""),
+            ("lower end", "" if end is None else f"{end.bracket}, {_width(end.bracket)}"),
+            ("basis", basis_of(solution)),
+            ("dilatancy", str(solution.dilatancy or "")),
+            ("lumped", str(solution.lumped or "")),
             ("solver", ", ".join(f"{name} ({counted(n, 'solve')})" for name, n in solvers.items())),
             ("time in s", ", ".join(f"{name} {t:.3f}" for name, t in solution.seconds.items())),
-            *(("written", file) for file in files),
         ]
     )
 
 
-def _lower_end(end: LowerEnd | None) -> str:
-    if end is None:
-        return ""
-    found = end.bracket
-    return f"{found}, relative width {found.width:.1e}" if found.has_any else "none"
+def _width(bracket: Bracket) -> str:
+    return f"relative width {bracket.width:.1e}" if bracket.has_both else "one bound"
 
 
 def _friction(scene: Scene | None) -> str:
@@ -198,8 +205,8 @@ def facts(rows: Sequence[tuple[str, str | Text]]) -> Table:
 
 def warn_of_geometry(scene: Scene) -> None:
     """What detection leaves out or simplifies."""
-    for said in scene.told:
-        complain(said)
+    for remark in scene.told:
+        complain(remark)
 
 
 def advice(solution: Solution) -> str:
@@ -222,17 +229,6 @@ def verdict(solution: Solution) -> str:
     if solution.dilatancy is not None and solution.dilatancy.is_all:
         return f"{solution.standing}: {solution.note}"
     return f"{solution.status}: {advice(solution)}"
-
-
-def is_eventful(solution: Solution) -> bool:
-    about_load_factor = sum(iterate.load_factor is not None for iterate in solution.history)
-    good = solution.status is Status.CERTIFIED
-    failed = any(iterate.status.startswith("failed") for iterate in solution.history)
-    # A reaction's history is about a limit problem in units of its own; dozens of iterates from
-    # several starts are what other flow rules have, and the summary says what came of them.
-    if solution.quantity != LOAD_FACTOR or solution.flow != "associated":
-        return False
-    return solution.interaction != "none" or about_load_factor != 1 or failed or not good
 
 
 def history(iterates: Sequence[Iterate]) -> Table:

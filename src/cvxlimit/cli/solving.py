@@ -33,13 +33,14 @@ from cvxlimit.cli.options import (
 from cvxlimit.cli.report import (
     PICTURES,
     SCENE_PICTURES,
+    VOICE,
     ExitCode,
     check_outputs,
     complain,
     counted,
+    details,
     facts,
     history,
-    is_eventful,
     refuse,
     show,
     summary,
@@ -173,8 +174,9 @@ def deliver(
     finally:  # hours of work are shown even if the disk is full by now
         origin = "built-in" if name in BUILTIN else name
         with redirect_stdout(sys.stderr) if files.is_piped else nullcontext():
-            show(summary(solution, origin, tolerance, written))
-            if is_eventful(solution):
+            show(summary(solution, written))
+            if VOICE.get() > 0:
+                show(Text(), details(solution, origin, tolerance))
                 show(Text(), history(solution.history))
     warn_of_geometry(scene)
     status = solution.status
@@ -281,8 +283,7 @@ def solve_command(order: Order) -> ExitCode:
 
     def solved(tell: Tell) -> tuple[Scene, Solution]:
         scene = scene_named(order.scene)
-        found = solve(scene, order.surface, progress=tell, **settings)  # type: ignore[arg-type]
-        return scene, found.first_look(tell)
+        return scene, solve(scene, order.surface, progress=tell, **settings)  # type: ignore[arg-type]
 
     with _prints_on_stderr() if files.is_piped else nullcontext():
         scene, solution = interruptible(solved)
@@ -392,7 +393,7 @@ class Drawing:
     scene: str = argument()
     plot: Path | None = option(
         "OUT.png|.html",
-        "Picture, or page to turn and point at. Unless given, a page is opened in the browser.",
+        "Picture, or page to turn and point at. Unless given, a page in a temporary folder.",
         group=OUTPUT,
     )
 
@@ -415,8 +416,6 @@ def show_command(asked: Drawing) -> ExitCode:
     scene, refusal = interruptible(checked)
     plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(name).stem}.html"
     written = [("written", str(path)) for path in plot_scene(scene, plot, refusal)]
-    if asked.plot is None:
-        typer.launch(plot.as_uri())
     blocks = f"{counted(len(scene.free), 'free block')}, {counted(len(scene.supports), 'support')}"
     contacts = "" if refusal else f" x {counted(len(scene.contacts), 'contact')}"
     weight = f"{scene.total_weight:.6g} {scene.units.force}"
@@ -431,6 +430,8 @@ def show_command(asked: Drawing) -> ExitCode:
              + (f", {counted(pressures, 'pressure')}" if pressures else ""))
         ]  # fmt: skip
     rows += written
+    if asked.plot is None:
+        rows.append(("to see it", "open that file in a browser"))
     show(facts(rows))
     if refusal is not None:
         raise refusal

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from cvxlimit.base.arrays import SMALL
 from cvxlimit.base.checks import count
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import (
@@ -116,14 +118,29 @@ def _printed(table: DataFrame, parameters: Sequence[str]) -> Table:
     if table["least_factor"].notna().any():
         ends["least_factor"] = rounded
     ends |= {"load_factor": rounded, "lower": rounded_down, "upper": rounded_up}
+    if (table["dilatancy"] > SMALL).any():
+        ends["dilatancy"] = partial(rounded, digits=3)
     names = (name.replace("_", " ") for name in ends)
+    digits = {name: _telling_apart(table[name].tolist()) for name in parameters}
     for name in (*parameters, *names, "status"):
         result.add_column(one_line(name))
     for row in table.head(40).to_dict("records"):
         found = [shown(row[name]) if np.isfinite(row[name]) else "" for name, shown in ends.items()]
-        inputs = [f"{v:g}" if isinstance(v, float) else str(v) for v in map(row.get, parameters)]
+        given = ((row[name], digits[name]) for name in parameters)
+        inputs = [f"{v:.{n}g}" if isinstance(v, float) else str(v) for v, n in given]
         result.add_row(*map(one_line, inputs), *found, one_line(row["error"] or row["status"]))
     return result
+
+
+def _telling_apart(values: Sequence[Any]) -> int:
+    """Digits, six or more, with which different numbers are printed differently.
+
+    >>> _telling_apart([0.5, 0.6]), _telling_apart([21.80140948, 21.80140949])
+    (6, 10)
+    """
+    numbers = {value for value in values if isinstance(value, float)}
+    alike = (n for n in range(6, 17) if len({f"{x:.{n}g}" for x in numbers}) == len(numbers))
+    return next(alike, 17)
 
 
 def _counted(table: DataFrame, output: Path | None) -> str:

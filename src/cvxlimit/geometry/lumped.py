@@ -61,6 +61,13 @@ for the scene as detected
         """True if the load factor could differ noticeably with the faces as they are."""
         return self.share >= SMALL
 
+    @property
+    def row(self) -> str:
+        """The finding in a few words."""
+        joints = f"{self.contacts} joint{'s' * (self.contacts > 1)}"
+        degrees = f"{np.degrees(self.angle):.2g} degrees"
+        return f"faces at {joints} lie up to {degrees} off the plane they are taken as"
+
     def __str__(self) -> str:
         """Returns the finding as a sentence."""
         subject = "1 face at 1 joint is taken as a plane that it is not in"

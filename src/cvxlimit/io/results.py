@@ -106,6 +106,9 @@ MEMBER = record(
     lambda **given: Member(**given, forces=np.zeros((0, 6)), mechanism=np.zeros((0, 6))),
 )
 
+FORGOTTEN = Form(lambda *_: {}, lambda *_: None, nullable(FIGURE).schema)
+"""An entry that files of version 0.2 may have, and that no solution keeps."""
+
 DILATANCY = record(
     Dilatancy,
     {
@@ -115,7 +118,7 @@ DILATANCY = record(
         "safe": Key(FIGURE, is_needed=False),
         "slides_at": Key(nullable(FIGURE), is_needed=False),
     }
-    | {name: Key(nullable(FIGURE), is_needed=False) for name in ("nearly", "lacks")},
+    | {name: Key(FORGOTTEN, is_needed=False, is_several=True) for name in ("nearly", "lacks")},
 )
 
 ITERATION = record(

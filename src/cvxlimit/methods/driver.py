@@ -225,9 +225,9 @@ class Run:
         if self.progress is None and not LOG.isEnabledFor(logging.INFO):
             return
         has_bracket = self.best.bracket.has_any
-        result = outcome.status if factor is None else f"load factor {rounded(factor)}"
+        result = outcome.status if factor is None else f"iterate {rounded(factor, 5)}"
         result = f"load factor in {self.best.bracket}" if has_bracket else result
-        line = ProgressLine(f"solve {len(self.history)}, {solver}: {result}")
+        line = ProgressLine(f"{result} (solve {len(self.history)}, {solver})")
         line.has_bracket = has_bracket
         self.tell(line)
 
@@ -376,7 +376,8 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         question[method.axis] = method.name
     if best.load_factor is not None:
         best = replace(best, load_factor=best.bracket.clipped(best.load_factor))
-    dilatancy = None if method.axis == "flow" else dilatancy_in(run, best)
+    is_no_answer = status.has_answer and not (status.is_good or best.bracket.has_any)
+    dilatancy = None if method.axis == "flow" or is_no_answer else dilatancy_in(run, best)
     return Solution(
         **question,
         scene_name=run.scene.name,
@@ -433,7 +434,11 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
         sentences = [run.failure, status.advice]
     else:
         is_plain = status.is_good or status is Status.NOT_CERTIFIED
-        sentences = ["" if is_plain else status.advice, basis, *run.remarks]
+        sentences = [basis, *run.remarks]
+        # what to do comes first, unless it is known how far an iteration went
+        if not is_plain:
+            known = 0 if run.best.iteration is None else len(sentences)
+            sentences.insert(known, status.advice)
     # what detection has left out or simplified, where that may have decided
     if status is Status.DEAD_LOAD_UNSTABLE and run.given.near_misses:
         cure = "if such a joint bears, give a joint_tolerance that joins it"

@@ -22,6 +22,7 @@ from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.states.pressure import Pressure
 from cvxlimit.solution import Iterate, Iteration, Status
+from cvxlimit.solution.records import IN_A_ROW
 from cvxlimit.solvers import iterate_ladder
 
 FORGOTTEN = 20
@@ -30,9 +31,6 @@ in the forces then (0.8 ** 20). The band is that of all iterates after these, at
 
 LAPS, LONGEST = 3, 8
 """A cycle is one of 2 to 8 load factors that were run through three times: two could be chance."""
-
-SMALL = 5
-"""Small changes in a row that count as converged: wandering iterations had three by chance."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +139,7 @@ class FixedPoint(Method):
             blended = beta * blended + (1.0 - beta) * state.forces
             # Eq. 43, which one small change meets: it is reported, and the iteration goes on
             small = small + 1 if change is not None and change <= self.tolerance else 0
-            settled = SMALL + 1 if small >= SMALL else 0
+            settled = IN_A_ROW + 1 if small >= IN_A_ROW else 0
             found = self._band(run.history, settled or max(FORGOTTEN, number + 1 - FORGOTTEN))
             run.best = replace(
                 run.best, load_factor=state.load_factor, forces=state.forces,
@@ -149,7 +147,7 @@ class FixedPoint(Method):
             )  # fmt: skip
             run.remarks = [str(found), *cautions]
             yield
-            if small >= SMALL:
+            if small >= IN_A_ROW:
                 return Status.CONVERGED
             if cycles(run.load_factors, self.tolerance):
                 return Status.CYCLING

@@ -58,8 +58,8 @@ class Held(NamedTuple):
         if self.factor > 0.0:
             return ""
         return (
-            f"turned round, {-self.factor:.3g} times the live load would hold it: solve that for "
-            "both ends"
+            f"{-self.factor:.3g} times the live load in the opposite direction would hold it: "
+            "reverse the live load, and the answer is from which part of it on the structure stands"
         )
 
 

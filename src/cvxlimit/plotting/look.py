@@ -153,10 +153,12 @@ def title(solution: Solution) -> str:
         what += f", {solution.interaction}"
     symbol = printable(solution.quantity)
     symbol += " \N{GREEK SMALL LETTER ALPHA} =" if symbol == "load factor" else ""
-    if solution.load_factor is None:
-        reach = f"{symbol} {solution.range_text}" if solution.range_text else solution.standing
+    standing, is_bounded = solution.standing, solution.bracket.has_any
+    if solution.load_factor is None or not (solution.status.is_good or is_bounded):
+        reach = f"{symbol} {solution.range_text}" if solution.range_text else standing
         return f"{what}: {reach}"
-    standing = solution.standing
+    if solution.flow == "zero-dilatancy" and not solution.bracket.lower_is_proved:
+        symbol = f"lowest found, {symbol}"
     says = standing != "certified" and standing != str(Status.CONVERGED)
     is_narrow = solution.status.is_good and solution.gap <= 10.0**-DIGITS
     has_bracket = solution.bracket.has_any and not is_narrow

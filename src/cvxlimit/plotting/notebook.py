@@ -9,11 +9,12 @@ from html import escape
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.camera import default_camera
-from cvxlimit.plotting.look import DIGITS, printable
+from cvxlimit.plotting.look import printable
 from cvxlimit.plotting.movement import motion, still
 from cvxlimit.plotting.registry import figures
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
+from cvxlimit.solution.said import said
 
 _MOST_BLOCKS = 3000
 """Blocks beyond which no picture is drawn unasked: it would take more than two seconds."""
@@ -41,26 +42,23 @@ def _scene_rows(scene: Scene, refusal: InputError | None) -> Rows:
     if scene.live.acceleration is not None:
         push = ", ".join(f"{a:g}" for a in scene.live.acceleration)
         yield "live load", f"weight times ({push})"
-    yield from (("look at", said) for said in scene.told)
+    yield from (("look at", remark) for remark in scene.told)
 
 
 def _solution_rows(solution: Solution) -> Rows:
-    factor = "none" if solution.load_factor is None else f"{solution.load_factor:.6g}"
-    yield "load factor", solution.range_text or factor
-    if solution.bracket.has_any:
-        yield "bracket", solution.bracket.shown(DIGITS)
-    yield "status", solution.standing
+    told = said(solution)
+    yield solution.quantity, told.value
+    yield "", told.standing
     surface = solution.surface
     if solution.interaction != "none":
         surface += f", {solution.interaction} interaction, {solution.moments} moments"
     yield "surface", surface
-    if solution.dilatancy is not None and solution.dilatancy.is_worth_a_word:
-        yield "dilatancy", str(solution.dilatancy)
+    yield from told.rows
+    if solution.lumped is not None and solution.lumped.is_worth_a_word:
+        yield "geometry", solution.lumped.row
     yield "size", f"{solution.blocks} blocks, {solution.contacts} contacts"
     if "total" in solution.seconds:
         yield "time", f"{solution.seconds['total']:.2f} s"
-    if solution.lumped is not None:
-        yield "lumped", str(solution.lumped)
     if not solution.status.is_good:
         yield "note", solution.note or solution.status.advice
 

@@ -25,8 +25,9 @@ from cvxlimit.plotting.pictures.webpage import Page, asset, sentences
 from cvxlimit.plotting.registry import figures
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
-from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
+from cvxlimit.solution.bracket import rounded_down, rounded_up
 from cvxlimit.solution.kinematics import ContactKind
+from cvxlimit.solution.said import basis_of, said
 
 LONGEST, LONGEST_NAME, MOST_NAMES, MOST_ROWS, MOST_BLOCKS = 600, 40, 6, 12, 20_000
 """Largest numbers of characters of a sentence and of a name, of names in a list, and of rows of a
@@ -70,34 +71,28 @@ _SIGNATURE = """<p class="sign"><span>checked by</span><span>place and date</spa
 
 
 def _result(solution: Solution, without: Solution | None) -> Rows:
-    """Yields the load factor, its bracket and status, and what sliding means for it."""
-    unit = f" {solution.quantity_unit}".rstrip()
-    value = "none" if solution.load_factor is None else rounded(solution.load_factor, 5)
-    value, dilates = (solution.range_text or value) + unit, solution.dilatancy is not None
-    if without is not None and without.load_factor is not None:
-        yield f"{solution.quantity} without dilatancy", rounded(without.load_factor, 5) + unit
-        yield "which is", f"the lowest of the {len(without.members) or 1} that were found"
-        yield "which rests on", without.note or str(without.standing)
-        yield "with dilatancy", f"{value}, an upper bound of the number above"
-    elif dilates and solution.dilatancy.is_worth_a_word:  # type: ignore[union-attr]
-        yield solution.quantity, f"{value} with dilatancy: an upper bound without it"
-    else:
-        yield solution.quantity, value
-    if solution.bracket.has_any:
-        low, high = rounded_down(solution.lower, 6), rounded_up(solution.upper, 6)
-        yield "bracket", f"between {low} and {high}{unit}, relative width {solution.gap:.1e}"
-    yield "status", f"{solution.standing}: {solution.status.advice}"
-    sliding, lumped = str(solution.dilatancy or ""), str(solution.lumped or "")
-    basis = solution.note
-    for said in (lumped, sliding):
-        basis = basis.removesuffix(said).removesuffix("; ")
-    if basis:
+    """Yields the load factor, what it is and what it is not, its bounds, and what sliding means."""
+    first = solution if without is None else without
+    told = said(first)
+    without_it = "" if first.flow == "associated" else " without dilatancy"
+    yield f"{solution.quantity}{without_it}", told.value
+    yield "in words", told.headline
+    if without is not None:
+        yield "with dilatancy", f"{said(solution).value}, an upper limit of the number above"
+    unit, end = f" {solution.quantity_unit}".rstrip(), solution.lower_end
+    whose = "bracket" if without is None else "its bracket"
+    for name, bracket in ((whose, solution.bracket), ("lower end", end and end.bracket)):
+        if bracket and bracket.has_both:
+            low, high = rounded_down(bracket.lower, 6), rounded_up(bracket.upper, 6)
+            yield name, f"between {low} and {high}{unit}, relative width {bracket.width:.1e}"
+    yield "status", first.standing
+    if basis := basis_of(first):
         yield "rests on", basis
-    if sliding:
-        yield "sliding", sliding
-    elif solution.dilatancy is not None:
-        share = 100.0 * solution.dilatancy.share
-        yield "sliding", f"none that counts: dilatancy takes {share:.2g} % of the live load's work"
+    dilatancy = first.dilatancy
+    if dilatancy is not None and dilatancy.is_worth_a_word:
+        yield "sliding", str(dilatancy)
+    elif dilatancy is not None:
+        yield "sliding", "none that counts in this mechanism"
 
 
 def _pictures(scene: Scene, solution: Solution) -> str:
@@ -106,9 +101,13 @@ def _pictures(scene: Scene, solution: Solution) -> str:
         return ""
     try:
         pictures = figures()
-        drawings = [("the structure and its loads", pictures.scene_drawing(scene, None, None))]
+        viewer = None  # both from one side, that of the mechanism
+        drawings = []
         if solution.mechanism:
             drawings.append(("the mechanism", mechanism_of(scene, solution)))
+            viewer = drawings[0][1].camera.axes[2]
+        at_rest = pictures.scene_drawing(scene, viewer, None)
+        drawings.insert(0, ("the structure and its loads", at_rest))
         shown = ""
         for text, drawing in drawings:
             sheet = pictures.Sheet(figsize=(4.6, 3.6), title="")
@@ -158,7 +157,7 @@ def _structure(scene: Scene) -> Rows:
             "tie",
             f"{_names([tie.a])} - {_names([tie.b])}, yields at {tie.yield_force:g} {unit.force}",
         )
-    yield from (("simplified", said) for said in scene.told)
+    yield from (("simplified", remark) for remark in scene.told)
     if not scene.told:
         yield "simplified", "nothing: gaps, overlaps and faces are as the scene has them"
 
@@ -171,8 +170,8 @@ def _loads(scene: Scene, solution: Solution) -> Rows:
     ):
         if case == "live" and solution.quantity != LOAD_FACTOR:
             continue  # a reaction is under the dead load alone
-        said = "; ".join(_parts(load, scene)) or "none"
-        yield f"{case} load", f"{said}; {_resultant(scene, forces)}"
+        parts = "; ".join(_parts(load, scene)) or "none"
+        yield f"{case} load", f"{parts}; {_resultant(scene, forces)}"
     if solution.quantity == LOAD_FACTOR:
         yield "load factor", "multiplies the live load alone"
 
@@ -299,6 +298,11 @@ def _found(solution: Solution, digest: str) -> Rows:
 
 def _path(path: Path) -> Rows:
     """Yields facts about a path."""
+    which = "the path of this model: joints rock and do not slide"
+    if path.slides:
+        limit = "an upper limit" if path.flow == "associated" else "one of several possible paths"
+        which = f"{limit}: joints slide on the way, so that the curve depends on the step"
+    yield "in words", which
     first, last = (f"{path.load_factor[k]:.5g}" for k in (0, -1))
     way = f"{path.displacement[-1]:.5g} {path.scene.units.length}"
     of = "the live load (mean)" if path.control is None else f"block {path.control[0]}"

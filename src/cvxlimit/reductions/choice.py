@@ -268,15 +268,27 @@ class Explanation:
             lines.append(f"{name:<10}" + "".join(f"{number:>11}" for number in numbers))
         lines += [f"{name}: {MEANING[name]}" for name in self.sizes if name in MEANING]
         lines.append(f"solver: {self.solver}, because {self.reason}")
-        lines.append(f"expected time: {_said(self.seconds)} to solve, on one idle core")
+        lines.append(f"expected time: {duration(self.seconds)} to solve, on one idle core")
         many = {"zero-dilatancy": f" for {PROBLEMS} to {2 * PROBLEMS} problems"}
-        others = [f"{name} {_said(s)}{many.get(name, '')}" for name, s in self.methods.items()]
+        others = [f"{name} {duration(s)}{many.get(name, '')}" for name, s in self.methods.items()]
         lines += [f"other methods, roughly: {', '.join(others)}"] * bool(others)
         lines += [f"geometry: {said}" for said in self.told]
         return "\n".join(lines)
 
 
-def _said(seconds: float) -> str:
+def expected_seconds(contacts: int, is_planar: bool) -> dict[str, float]:
+    """Seconds that methods beside the convex one are expected to take, by name."""
+    ways = 3 if is_planar else 1
+    seconds = {name: rate * contacts**power / ways for name, (rate, power) in PACES.items()}
+    return seconds | {"zero-dilatancy": max(seconds["zero-dilatancy"], 1e-3 * PROBLEMS)}
+
+
+def duration(seconds: float) -> str:
+    """An expected time in words.
+
+    >>> duration(0.02), duration(8.3), duration(400.0)
+    ('less than 0.1 s', 'about 8 s', '7 min')
+    """
     if seconds < 0.1:
         return "less than 0.1 s"
     return f"about {float(f'{seconds:.1g}'):g} s" if seconds < 90 else f"{seconds / 60:.0f} min"
@@ -322,11 +334,6 @@ def explain(
     sizes = {name: problem.shape for name, problem in problems.items()}
     first = last.ladder(tolerance)[0]
     pace, growth = SOLVERS[first.name].pace
-    ways = 1 if found.plane is None else 3
-    methods = {
-        name: rate * len(scene.contacts) ** power / ways for name, (rate, power) in PACES.items()
-    }
-    methods["zero-dilatancy"] = max(methods["zero-dilatancy"], 1e-3 * PROBLEMS)
     return Explanation(
         scene.name,
         len(scene.free),
@@ -335,7 +342,7 @@ def explain(
         str(first),
         _reason(first.name, last.shape),
         float(pace * last.shape.variables**growth),
-        methods,
+        expected_seconds(len(scene.contacts), found.plane is not None),
         scene.told,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ import numpy as np
 from cvxlimit.base.arrays import SMALL, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import TOLERANCE, rounded, rounded_down
+from cvxlimit.solution.bracket import rounded, rounded_down
 
 VISIBLE = 0.01
 """Contact rates below this fraction of the largest corner speed are not counted as movement, nor
@@ -133,17 +133,13 @@ class Dilatancy:
     slides_at : float or None
         Where any multiple is carried with dilatancy: the lowest load factor found at which joints
         slide without it; None where none is known.
-    nearly : float or None
-        A load factor that nearly holds without dilatancy, where it was looked for: ``lacks`` is the
-        share by which its own forces, with friction held as they have it, carry more. It is neither
-        the lowest nor a bound.
 
     Example
     -------
-    >>> print(Dilatancy(1.0, ("ground-a", "ground-b"), 3))
-    2 of 3 joints that move (ground-a, ground-b) slide and open by dilatancy, which takes 100 % of \
-the live load's work: the load factor is on the unsafe side, and method 'zero-dilatancy' (--method \
-zero-dilatancy) answers without dilatancy
+    >>> print(Dilatancy(1.18, ("ground-a", "ground-b"), 3))
+    2 of 3 moving joints slide: without dilatancy it may fall at less, which method \
+'zero-dilatancy' (--method zero-dilatancy) looks for; 1 % less friction would take about 1.18 % \
+off the load factor; those that slide: ground-a, ground-b
     """
 
     share: float
@@ -151,8 +147,6 @@ zero-dilatancy) answers without dilatancy
     moving: int = 0
     safe: float = 0.0
     slides_at: float | None = None
-    nearly: float | None = None
-    lacks: float | None = None
 
     @property
     def is_worth_a_word(self) -> bool:
@@ -172,31 +166,33 @@ zero-dilatancy) answers without dilatancy
         slides_at = self.slides_at
         return "not known" if slides_at is None else f"slides at {rounded(slides_at, 5)}"
 
+    @property
+    def row(self) -> str:
+        """The verdict in a few words, without names; empty where there is nothing to say, or no
+        load factor to say it of."""
+        if not self.is_worth_a_word or self.is_all:
+            return ""
+        slides = f"{len(self.sliding)} of {self.moving} moving joints slide"
+        slides += "s" * (len(self.sliding) == 1)
+        if not self.sliding:
+            slides = "joints slip where they open"
+        return f"{slides}: without dilatancy it may fall at less"
+
     def __str__(self) -> str:
-        """One sentence, empty where there is nothing to say."""
+        """One sentence, the verdict first and names last; empty where there is nothing to say."""
         if not self.is_worth_a_word:
             return ""
         named, more = ", ".join(self.sliding[:_NAMED]), len(self.sliding) - _NAMED
         named += f" and {more} more" if more > 0 else ""
+        named = f"; those that slide: {named}" if named else ""
         if self.is_all:
-            return self._without_limit(named)
-        count = f"{len(self.sliding)} of {self.moving} joints that move"
-        slides = "slides and opens" if len(self.sliding) == 1 else "slide and open"
-        joints = f"{count} ({named}) {slides}" if named else "joints slip where they open"
-        nearly = ""
-        if self.nearly is not None and self.lacks is not None:
-            short = f" (short by {100.0 * self.lacks:.1g} %)" if self.lacks > TOLERANCE else ""
-            nearly = (
-                f"; at a first look {rounded(self.nearly, 4)} holds without dilatancy{short}, "
-                "which is neither the lowest nor a bound"
-            )
+            return self._without_limit() + named
         return (
-            f"{joints} by dilatancy, which takes {100.0 * self.share:.3g} % of the live load's "
-            "work: the load factor is on the unsafe side, and method 'zero-dilatancy' (--method "
-            f"zero-dilatancy) answers without dilatancy{nearly}"
+            f"{self.row}, which method 'zero-dilatancy' (--method zero-dilatancy) looks for; "
+            f"1 % less friction would take about {self.share:.3g} % off the load factor{named}"
         )
 
-    def _without_limit(self, named: str) -> str:
+    def _without_limit(self) -> str:
         """The sentence where any multiple of the live load is carried with dilatancy."""
         method = "method 'zero-dilatancy' (--method zero-dilatancy)"
         proved = f"below {float(rounded_down(self.safe, 5)):g} they do not (proved)"
@@ -206,9 +202,8 @@ zero-dilatancy) answers without dilatancy
                 "with dilatancy any multiple of the live load is carried; whether joints slide "
                 f"without it is not known{proved}: {method} looks for loads at which they do"
             )
-        joints = f"joints slide ({named})" if named else "joints slide"
         return (
-            f"without dilatancy {joints} at a load factor of {rounded(self.slides_at, 5)}, the "
+            f"without dilatancy joints slide at a load factor of {rounded(self.slides_at, 5)}, the "
             f"lowest found{proved}, and {method} looks for lower ones; with it any multiple of "
             "the live load is carried, since joints press as hard as it takes"
         )

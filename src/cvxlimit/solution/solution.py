@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
@@ -209,7 +209,7 @@ class Solution:
         """The interval in words; empty if the dead load stands alone."""
         if self.interval is None:
             return ""
-        low, high = (rounded(end, 6) for end in self.interval)
+        low, high = (f"{end:.6g}" for end in self.interval)
         more = " and more" if self.is_answered else " and more with dilatancy"
         return low + more if self.load_factor is None else f"{low} to {high}"
 
@@ -295,23 +295,6 @@ class Solution:
         0.3125
         """
         return attached("solution_problem")(self)
-
-    def first_look(self, progress: Callable[[str], None] | None = None) -> Solution:
-        """The same solution, and a load factor that nearly holds without dilatancy, which its note
-        and ``dilatancy.nearly`` have.
-
-        It takes three solves more, after the convex method and where joints slide by more than 1 %
-        of the live load's work; else the solution comes back as it is. ``progress`` gets lines.
-
-        Example
-        -------
-        >>> from cvxlimit import builtin_scene, solve
-        >>> looked = solve(builtin_scene("tuff-wall")).first_look()
-        >>> bool(0.3 < looked.dilatancy.nearly < looked.load_factor)
-        True
-        """
-        found: Solution = attached("solution_first_look")(self, progress)
-        return found
 
     def sensitivity(self) -> Any:
         """What the load factor gains per unit of friction, strength, weight, load, and position of

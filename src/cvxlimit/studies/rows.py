@@ -28,6 +28,7 @@ from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE
+from cvxlimit.solution.said import said
 from cvxlimit.solvers import asked_ladder, ladder_of
 from cvxlimit.solvers.threads import one_thread
 from cvxlimit.studies.identity import digest, row_identity, surface_forms
@@ -38,7 +39,7 @@ from cvxlimit.surfaces.coulomb import surfaces_of
 
 Row = dict[str, Any]
 
-FIGURES = ("load_factor", "lower", "upper", "gap", "least_factor")
+FIGURES = ("load_factor", "lower", "upper", "gap", "least_factor", "dilatancy")
 TEXTS = ("status", "note", "error", "solver")
 RESULTS = (*FIGURES, *TEXTS, "seconds")
 """Columns of a sweep besides its parameters."""
@@ -259,15 +260,16 @@ class Study:
 
 def results_of(solution: Solution) -> Row:
     """Returns what a row says of its solution, by column."""
-    factor, end = solution.load_factor, solution.lower_end
+    factor, end, slides = solution.load_factor, solution.lower_end, solution.dilatancy
     return {
         "load_factor": np.nan if factor is None else factor,
         "lower": solution.lower,
         "upper": solution.upper,
         "gap": solution.gap,
         "least_factor": np.nan if end is None else end.load_factor,
+        "dilatancy": np.nan if slides is None else slides.share,
         "status": str(solution.status),
-        "note": solution.note,
+        "note": said(solution).headline,
         "solver": solution.history[-1].solver if solution.history else "",
     }
 

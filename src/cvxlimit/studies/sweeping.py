@@ -73,8 +73,9 @@ def sweep(
     Returns
     -------
     DataFrame
-        In the order of the grid: the parameters; ``load_factor``, ``lower``, ``upper``, ``gap``;
-        ``status``, ``note``, ``solver``; ``error``, empty where all went well; ``seconds``.
+        In the order of the grid: the parameters; ``load_factor``, ``lower``, ``upper``, ``gap``,
+        ``least_factor`` of an interval, the share of ``dilatancy``; ``status``, ``note`` (the
+        answer in a sentence), ``solver``; ``error``, empty where all went well; ``seconds``.
         ``table.attrs["found"]`` counts the rows that were stored already. After Ctrl-C those rows
         that were done, and ``table.attrs["is_interrupted"]``.
 

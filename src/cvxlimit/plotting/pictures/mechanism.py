@@ -75,12 +75,12 @@ def mechanism_of(
 
 def _dilatancy_caption(solution: Solution, moving: Motion) -> str:
     """What the caption adds where joints slide and, by the associated flow rule, open as well:
-    that such openings are drawn too, and whether they make the load factor unsafe."""
+    that such openings are drawn too, and whether less may be carried without them."""
     slides = np.isin(moving.contacts.kind, (ContactKind.SLIDES, ContactKind.TWISTS))
     if solution.flow != "associated" or not slides.any():
         return ""
     is_unsafe = solution.dilatancy is not None and solution.dilatancy.is_worth_a_word
-    unsafe = ": the load factor is on the unsafe side (without: --method zero-dilatancy)"
+    unsafe = ": without it less may be carried (--method zero-dilatancy)"
     return "; opening by dilatancy drawn" + (unsafe if is_unsafe else "")
 
 

@@ -27,6 +27,7 @@ from cvxlimit.readings.utilisation import contact_forces, least_used_state
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded_down, rounded_up
+from cvxlimit.solution.said import said
 
 DIGITS = 7
 """Significant digits of numbers in the page; coordinates have as many relative to the structure's
@@ -95,40 +96,41 @@ def page(scene: Scene, solution: Solution) -> Page:
 
 def _said(solution: Solution) -> tuple[str, str]:
     """What the number is worth, in one short sentence, and the note, which says why."""
-    note, dilatancy, unsafe = solution.note, solution.dilatancy, ""
-    if dilatancy is not None and dilatancy.is_worth_a_word:
-        unsafe = "on the unsafe side, as joints slide and open by dilatancy"
+    note = solution.note
     if not solution.status.has_answer:  # what to do is in the note
         return sentences(solution.standing, note), ""
+    told = said(solution)
+    first = told.headline
     if solution.status is Status.CERTIFIED:
         lower = rounded_down(solution.lower, look.DIGITS)
         upper = rounded_up(solution.upper, look.DIGITS)
+        slides = dict(told.rows).get("sliding")
         how = f"{'proved' if solution.is_proved else 'recomputed'} outside the solver"
-        first = f"{solution.standing}: between {lower} and {upper}, {unsafe or how}"
+        first = f"{solution.standing}: between {lower} and {upper}, {how}"
+        if slides:
+            first = f"{solution.standing}: between {lower} and {upper}; {slides}"
         if solution.is_proved:
             note = note.removeprefix("both bounds are proved, up to rounding").removeprefix("; ")
-    else:
-        first = f"{solution.standing}: {unsafe or solution.status.advice}"
     return sentences(first), sentences(note)
 
 
-def sentences(*said: str) -> str:
-    return " ".join(f"{each[0].upper()}{each[1:]}." for each in said if each)
+def sentences(*texts: str) -> str:
+    return " ".join(f"{each[0].upper()}{each[1:]}." for each in texts if each)
 
 
 def _strength_data(scene: Scene, solution: Solution, forces: FloatArray) -> dict[str, Any]:
     """Thrust lines, and strength in use as :func:`cvxlimit.plotting.utilisation` shows it."""
-    shown, said = solution, "in the state of forces that was found"
+    shown, state = solution, "in the state of forces that was found"
     try:
         if len(forces) <= _MOST_SOLVED:
-            shown, said = least_used_state(solution, scene)
+            shown, state = least_used_state(solution, scene)
         used = used_shares(shown, scene)
     except InputError:  # of a surface of one's own only the name is left
-        said, used = "", np.full(len(scene.contacts), np.nan)
+        state, used = "", np.full(len(scene.contacts), np.nan)
     ends, share, block = thrust_of_blocks(scene, forces)
     return {
         "useStops": look.USE_STOPS,
-        "useText": f"{look.USE_TEXT} {said}",
+        "useText": f"{look.USE_TEXT} {state}",
         "used": [None if np.isnan(u) else round(min(u, 1.0), 4) for u in used.tolist()],
         "thrust": {
             "ends": _coordinates(scene, ends.reshape(-1, 3)),
@@ -155,9 +157,9 @@ def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
     return framed("viewer.html", data)
 
 
-def path_page(scene: Scene, motions: Sequence[Motion], said: dict[str, Any]) -> Page:
+def path_page(scene: Scene, motions: Sequence[Motion], told: dict[str, Any]) -> Page:
     """The configurations of a path, one at each stop of a slider, beside the curve of its load
-    factor; ``said`` are title, advice, and the ``path`` with its texts."""
+    factor; ``told`` are title, advice, and the ``path`` with its texts."""
     farthest = max(motions, key=lambda moving: moving.largest)
     data = _page_data(scene, farthest, None, Annotations())
     mesh = drawn_mesh(scene)
@@ -165,7 +167,7 @@ def path_page(scene: Scene, motions: Sequence[Motion], said: dict[str, Any]) -> 
     reach = np.concatenate([shown_bounds(scene), *points])
     data["bounds"] = _coordinates(scene, np.stack([reach.min(axis=0), reach.max(axis=0)]))
     ways = [_short(moving.rates) for moving in motions]
-    data |= said | {"path": said["path"] | {"ways": ways}, "speedText": look.WAY_TEXT}
+    data |= told | {"path": told["path"] | {"ways": ways}, "speedText": look.WAY_TEXT}
     return framed("viewer.html", data)
 
 
