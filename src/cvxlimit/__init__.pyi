@@ -55,7 +55,8 @@ from cvxlimit.scene.surroundings import fill as fill
 from cvxlimit.scene.surroundings import hydrostatic as hydrostatic
 from cvxlimit.scene.surroundings import uplift as uplift
 from cvxlimit.scene.surroundings import wheel as wheel
-from cvxlimit.scene.ties import Tie as Tie
+from cvxlimit.scene.reactions import Reaction as Reaction
+from cvxlimit.scene.reactions import Tie as Tie
 from cvxlimit.solution import Iterate as Iterate
 from cvxlimit.solution import Member as Member
 from cvxlimit.solution import Solution as Solution

@@ -34,7 +34,13 @@ CARRIES = 1e-6
 little mean anything."""
 
 
-_PER_CONTACT = (*PROPERTIES, "lumped", "turned")
+_PER_CONTACT = (*PROPERTIES, "lumped", "turned", "least", "most", "sense")
+
+
+_OF_GEOMETRY = (
+    "corner_contact", "corner_points", "is_rectangle", "is_point", "faces", "torsion_arm", "edges",
+)  # fmt: skip
+"""Properties that do not depend on strengths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +96,9 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     lumped : (n,) integers, turned : (n,)
         How many of the blocks' faces do not lie in the contact's plane and are taken as if they
         did, and the largest angle (radians) by which they are turned from it; 0 for exact ones.
+    least, most : (n,), sense : (n,)
+        Of contacts that are points (``is_point``: reactions and ties), which have no other strength:
+        ``least <= sense * N <= most``; sense is -1.0 for ties, which pull, and 1.0 for all others.
     """
 
     names: tuple[str, ...]
@@ -105,6 +114,9 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     pieces: Mapping[int, tuple[FloatArray, ...]] = field(default_factory=dict)
     lumped: IntArray = 0  # type: ignore[assignment]  # as for friction, that of all contacts
     turned: FloatArray = 0.0  # type: ignore[assignment]
+    least: FloatArray = 0.0  # type: ignore[assignment]
+    most: FloatArray = float("inf")  # type: ignore[assignment]
+    sense: FloatArray = 1.0  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -220,7 +232,18 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     @cached_property
     def typical_size(self) -> float:
         """Median root of the areas: the unit of length of all that is measured against contacts."""
-        return float(np.median(np.sqrt(self.area)))
+        areas = self.area[~self.is_point]
+        return float(np.median(np.sqrt(areas if len(areas) else self.area)))
+
+    @cached_property
+    def is_point(self) -> NDArray[np.bool_]:
+        """True for reactions, (n,): they have one corner, no area, and bear compression alone."""
+        return np.asarray(np.diff(self.corner_start) == 1)
+
+    @cached_property
+    def faces(self) -> IntArray:
+        """All contacts that are no points, (k,)."""
+        return np.flatnonzero(~self.is_point)
 
     @cached_property
     def is_rectangle(self) -> NDArray[np.bool_]:
@@ -231,10 +254,12 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def torsion_arm(self) -> FloatArray:
         """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre.
 
-        Over the contact itself, not over its hull.
+        Over the contact itself, not over its hull. Points resist no torsion: theirs is a length by
+        which twists count beside slips, and nothing else.
         """
         arm = torsion_arm(self.sides[:, 0], self.sides[:, 1])
-        for j in np.flatnonzero(~self.is_rectangle).tolist():
+        arm[self.is_point] = self.typical_size
+        for j in np.flatnonzero(~(self.is_rectangle | self.is_point)).tolist():
             arm[j] = mean_distance_over(self.pieces_of(j), (0.0, 0.0))
         return arm
 
@@ -242,14 +267,19 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def edges(self) -> tuple[IntArray, FloatArray, FloatArray]:
         """Inner sides of all polygon edges: contact (m,), unit inward normal (m, 2), offset (m,).
 
-        A point e of contact j is inside when ``normal @ e + offset >= 0`` for its edges.
+        A point e of contact j is inside when ``normal @ e + offset >= 0`` for its edges. Contacts
+        that are points have none.
         """
         following = np.arange(1, len(self.corner_xy) + 1)
         following[self.corner_start[1:] - 1] = self.corner_start[:-1]
         along = self.corner_xy[following] - self.corner_xy
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        contact, corner = self.corner_contact, self.corner_xy
+        if self.is_point.any():
+            has_edges = ~self.is_point[contact]
+            contact, corner, inward = (x[has_edges] for x in (contact, corner, inward))
         inward /= np.linalg.norm(inward, axis=1)[:, None]
-        return self.corner_contact, inward, -(inward * self.corner_xy).sum(axis=1)
+        return contact, inward, -(inward * corner).sum(axis=1)
 
     def take(self, rows: IntArray) -> Contacts:
         """Some of the contacts, in the order of ``rows`` (k,)."""
@@ -291,7 +321,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         [0.3]
         """
         result = replace(self, **values)  # type: ignore[arg-type]
-        for name in ("corner_contact", "corner_points", "is_rectangle", "torsion_arm", "edges"):
+        for name in _OF_GEOMETRY:
             if name in self.__dict__:  # what follows from the geometry is kept
                 result.__dict__[name] = self.__dict__[name]
         return result

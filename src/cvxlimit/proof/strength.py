@@ -33,7 +33,7 @@ from cvxlimit.surfaces.base import (
     stated,
 )
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import Rocking, strength_key
+from cvxlimit.surfaces.coulomb import Rocking, strength_key, with_bounds
 
 NOTHING = 1e-300
 """Reserve of a condition that has no resistance, in a state without the forces that it limits: next
@@ -86,7 +86,8 @@ class Strength:
         # Compressions among internal forces, by place: a part of a formulation may have the name of
         # a force component, so that a condition by name would mean the wrong one.
         self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])
-        self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
+        others = (s for s in surfaces if s.name != Rocking.name)
+        self.surfaces = with_bounds((Rocking(), *others), self.contacts)
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
 
     @cached_property

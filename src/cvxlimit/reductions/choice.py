@@ -68,12 +68,11 @@ class Reductions:
     ) -> Reductions:
         """Returns the reductions that are valid and pay, or all that are valid for
         ``model="least"``. There are none for ``"full"``, for formulations of one's own, for stone
-        that crushes, whose conditions are on internal forces of its own, and for guided blocks and
-        ties, which need not lie in the plane or the mirror.
+        that crushes, whose conditions are on internal forces of its own, and for guided blocks,
+        which need not move in the plane or like their mirror image.
         """
         crushes = np.isfinite(assemblage.contacts.compressive_strength).any()
-        is_free = assemblage.statics.guide is None and not assemblage.scene.ties
-        is_plain = is_free and not crushes
+        is_plain = assemblage.statics.guide is None and not crushes
         if model == "full" or formulation is not corner_compressions or not is_plain:
             return cls(assemblage, formulation)
         # a plane is only looked for where normals of contacts and forces span no more than one

@@ -48,7 +48,7 @@ from cvxlimit.reductions.mirror import (
 )
 from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import Rocking
+from cvxlimit.surfaces.coulomb import Bounds, Rocking, with_bounds
 
 _IN_PLANE = 2e-12
 """Largest component of a unit vector out of the plane, and largest distance from it over the size
@@ -117,13 +117,15 @@ class Plane:
     def model(self, contacts: Contacts) -> ForceModel:
         """Returns the formulation: compressions at the two ends, shear along d, and the conditions
         on them."""
-        each = np.arange(len(contacts))
-        ends = (self.ends.T[:, :, None] * self.along).reshape(-1, 2)
+        each, faces = np.arange(len(contacts)), contacts.faces
+        at = np.concatenate([self.ends[:, 0], self.ends[faces, 1]])  # points have one end
+        on = np.concatenate([each, faces])
+        along = self.along[faces]
         return ForceModel(
             contacts,
             [
-                compressions_at(np.tile(each, 2), ends),
-                Part("V", {"V1": self.along[:, 0], "V2": self.along[:, 1]}, each),
+                compressions_at(contacts, on, at[:, None] * self.along[on]),
+                Part("V", {"V1": along[:, 0], "V2": along[:, 1]}, faces),
             ],
             self.conditions,
             self.names | {Rocking.name},
@@ -133,11 +135,13 @@ class Plane:
         """Returns the plane with only those contacts for which ``kept`` (n,) is true."""
         if kept.all():
             return self
-        rows = np.flatnonzero(kept)
-        smaller = [
-            replace(c, resistance={k: np.asarray(v)[rows] for k, v in c.resistance.items()})
-            for c in self.conditions
-        ]
+        rows, place = np.flatnonzero(kept), np.cumsum(kept) - 1
+        smaller = []
+        for c in self.conditions:
+            own = rows if c.contact is None else np.flatnonzero(kept[c.contact])
+            on = None if c.contact is None else place[c.contact[own]]
+            resistance = {k: np.asarray(v)[own] for k, v in c.resistance.items()}
+            smaller.append(replace(c, resistance=resistance, contact=on))
         return replace(self, contacts=self.contacts.take(rows), conditions=smaller)
 
     def with_strength(self, surfaces: Sequence[YieldSurface]) -> Plane | None:
@@ -147,6 +151,7 @@ class Plane:
         y = np.pad(self.across, ((0, 0), (0, 1)))
         if not is_invariant(surfaces, self.contacts, each, reflected(y)):
             return None
+        surfaces = with_bounds(surfaces, self.contacts)
         stated_rows = [row for s in surfaces for row in self._planar_rows(s)]
         rows = [row for row in stated_rows if row is not None]
         if len(rows) < len(stated_rows):
@@ -158,6 +163,9 @@ class Plane:
         """Yields a surface's conditions on N and V, two rows for each of its conditions; None for
         one that depends on other forces in the plane. Rocking is in the formulation itself."""
         if type(surface) is Rocking:
+            return
+        if type(surface) is Bounds:  # along the normals of points, which are in the plane
+            yield from surface.conditions(self.contacts)
             return
         for condition in stated(surface, self.contacts):
             resistance = coefficients(condition.resistance, len(self.contacts))

@@ -24,7 +24,7 @@ from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.geometry.strengths import PROPERTIES, ByPair, SceneJoints
 from cvxlimit.scene.loads import GRAVITY, Load
 from cvxlimit.scene.settling import SupportMotion, check_motions
-from cvxlimit.scene.ties import Tie, check_ties, with_ties
+from cvxlimit.scene.reactions import Reaction, Tie, check_reactions, with_reactions
 from cvxlimit.scene.units import DEFAULT_UNITS, Units
 
 
@@ -53,6 +53,8 @@ class Scene(RemadeFromFields, SceneJoints):
     name : str
     ties : tuple of Tie
         Members that bear tension; each counts as a contact, after all others.
+    reactions : tuple of Reaction
+        Forces between bounds, as of soil that resists; each counts as a contact, after the ties.
     settling : tuple of SupportMotion
         How supports move where :func:`cvxlimit.settlement` is not told; a load factor is that of
         supports at rest.
@@ -85,6 +87,7 @@ class Scene(RemadeFromFields, SceneJoints):
     name: str = "scene"
     joint_tolerance: float | None = None
     ties: tuple[Tie, ...] = ()
+    reactions: tuple[Reaction, ...] = ()
     settling: tuple[SupportMotion, ...] = ()
 
     def __post_init__(self) -> None:
@@ -101,6 +104,7 @@ class Scene(RemadeFromFields, SceneJoints):
             ("blocks", Block, "blocks must be Blocks", "Block.box makes one"),
             ("supports", str, "supports must be ids", "write ['ground']"),
             ("ties", Tie, "ties must be Ties", "import Tie"),
+            ("reactions", Reaction, "reactions must be Reactions", "import Reaction"),
             ("settling", SupportMotion, "settling must be SupportMotions", "import SupportMotion"),
         ):
             if name in changed:
@@ -116,7 +120,7 @@ class Scene(RemadeFromFields, SceneJoints):
         if "joint_tolerance" in changed and self.joint_tolerance is not None:
             length = positive(self.joint_tolerance, "joint_tolerance of the scene")
             object.__setattr__(self, "joint_tolerance", length)
-        if others & {*_SHAPES, "ties"}:
+        if others & {*_SHAPES, "ties", "reactions"}:
             _check_ids(self)
         if "settling" in others:
             check_motions(self.settling, self.supports, self.name)
@@ -143,7 +147,10 @@ class Scene(RemadeFromFields, SceneJoints):
     def contacts(self) -> Contacts:
         """All contacts, detected on first use and kept; see :func:`detect`."""
         given = self.__dict__.get("_given_contacts")
-        return given or with_ties(self._given_to(self._detection.contacts), self.ties)
+        if given is not None:
+            return given
+        detected = self._given_to(self._detection.contacts)
+        return with_reactions(detected, self.ties, self.reactions, self.supports)
 
     @property
     def near_misses(self) -> tuple[NearMiss, ...]:
@@ -173,7 +180,8 @@ class Scene(RemadeFromFields, SceneJoints):
 
     @property
     def _tied(self) -> frozenset[str]:
-        return frozenset(name for tie in self.ties for name in (tie.a, tie.b))
+        both = [*((tie.a, tie.b) for tie in self.ties), *((r.block, r.on) for r in self.reactions)]
+        return frozenset(name for pair in both for name in pair if name is not None)
 
     @cached_property
     def free(self) -> NDArray[np.int64]:
@@ -258,13 +266,14 @@ class Scene(RemadeFromFields, SceneJoints):
 
     def moved(self, rotation: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> Scene:
         """The scene after x -> rotation @ x + translation, loads included."""
-        turn = np.asarray(rotation, dtype=float)
+        turn, shift = (np.asarray(x, dtype=float) for x in (rotation, translation))
         return replace(
             self,
             blocks=tuple(b.moved(turn, translation) for b in self.blocks),
             dead=self.dead.moved(turn, translation),
             live=self.live.moved(turn, translation),
-            ties=tuple(t.moved(turn, np.asarray(translation, dtype=float)) for t in self.ties),
+            ties=tuple(t.moved(turn, shift) for t in self.ties),
+            reactions=tuple(r.moved(turn, shift) for r in self.reactions),
             settling=tuple(x.moved(turn, np.asarray(translation)) for x in self.settling),
         )
 
@@ -325,6 +334,7 @@ class Scene(RemadeFromFields, SceneJoints):
             units=units,
             **self._scaled_joints(force / length**2),
             ties=tuple(tie.scaled(length, force) for tie in self.ties),
+            reactions=tuple(r.scaled(length, force) for r in self.reactions),
             settling=tuple(motion.scaled(length) for motion in self.settling),
             joint_tolerance=None if self.joint_tolerance is None else length * self.joint_tolerance,
         )
@@ -435,7 +445,7 @@ def _check_ids(scene: Scene) -> None:
         if key not in known:
             cure = meant(key, known) or "add it to the blocks"
             raise InputError(f"support {key!r} is not a block of the scene; {cure}")
-    check_ties(scene.ties, known, set(scene.supports))
+    check_reactions(scene.ties, scene.reactions, known, set(scene.supports))
     if (twice := first_twice(scene.supports)) is not None:
         raise InputError(f"support {twice!r} is listed twice")
     if not len(scene.free):

@@ -205,7 +205,7 @@ def uplift(
             f"tail {tail:g} is above level {level:g}: turn the direction, towards the higher water"
         )
     contacts = scene.contacts
-    normals = contacts.axes[: len(contacts) - len(scene.ties), 2]
+    normals = contacts.axes[contacts.faces, 2]
     flat = np.flatnonzero(np.abs(normals @ up) >= FLAT).tolist()
     places, heights = contacts.corner_points @ towards, contacts.corner_points @ up
     result: list[Pressure] = []
@@ -431,7 +431,7 @@ def _bare(scene: Scene, i: int, corners: FloatArray, normal: FloatArray) -> Iter
     outward = contacts.axes[:, 2] * np.where(contacts.a == i, 1.0, -1.0)[:, None]
     on = ((contacts.a == i) | (contacts.b == i)) & (outward @ normal >= FACING)
     on &= np.abs((contacts.origin - corners.mean(axis=0)) @ normal) <= SAME_FACE * block.thickness
-    on[len(contacts) - len(scene.ties) :] = False
+    on &= ~contacts.is_point
     axes, origin = plane_axes(normal), corners.mean(axis=0)
     whole = shapely.make_valid(shapely.Polygon((corners - origin) @ axes.T))
     pieces = [
