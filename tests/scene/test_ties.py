@@ -159,7 +159,7 @@ class TestConnections:
         scene = self.hung(cube("held", z=4.5), cube("stone"), cube("low", z=-3.0), ties=[tie])
         solution = solve(scene)
         assert solution.status is Status.DEAD_LOAD_UNSTABLE
-        assert "'stone'" in solution.note or "'low'" in solution.note
+        assert any(f"{name!r} falls" in solution.note for name in ("held", "stone", "low"))
 
     def test_contacts_are_not_shared_where_other_blocks_are_tied(self) -> None:
         scene = self.hung(cube("stone"), ties=[Tie("stone", "rock", (0, 0, 0.5), (0, 0, 5), 25.0)])

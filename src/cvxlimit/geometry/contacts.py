@@ -88,6 +88,8 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         gives NaN there (CVXPY then says "Problem data contains NaN or Inf"): ask ``is_rectangle``
         first, or take ``area``, ``corner_xy`` and ``torsion_arm``, which all contacts have.
     area : (n,)
+        Of points, which have none, the square of a length of the scene's, by which twists count
+        beside slips.
     friction, cohesion, compressive_strength, tensile_strength : (n,)
         See :class:`~cvxlimit.geometry.strengths.JointValues`; a number is that of all contacts.
     pieces : mapping of int to tuple of (k, 2) arrays
@@ -232,8 +234,12 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     @cached_property
     def typical_size(self) -> float:
         """Median root of the areas: the unit of length of all that is measured against contacts."""
-        areas = self.area[~self.is_point]
-        return float(np.median(np.sqrt(areas if len(areas) else self.area)))
+        return float(np.median(np.sqrt(self.area[self.faces] if len(self.faces) else self.area)))
+
+    @property
+    def extent(self) -> float:
+        """Largest side of the box about all corners, at least :attr:`typical_size`."""
+        return max(float(np.ptp(self.corner_points, axis=0).max()), self.typical_size)
 
     @cached_property
     def is_point(self) -> NDArray[np.bool_]:
@@ -254,11 +260,10 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def torsion_arm(self) -> FloatArray:
         """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre.
 
-        Over the contact itself, not over its hull. Points resist no torsion: theirs is a length by
-        which twists count beside slips, and nothing else.
+        Over the contact itself, not over its hull; of points the root of their area.
         """
         arm = torsion_arm(self.sides[:, 0], self.sides[:, 1])
-        arm[self.is_point] = self.typical_size
+        arm[self.is_point] = np.sqrt(self.area[self.is_point])
         for j in np.flatnonzero(~(self.is_rectangle | self.is_point)).tolist():
             arm[j] = mean_distance_over(self.pieces_of(j), (0.0, 0.0))
         return arm

@@ -171,6 +171,7 @@ class ForceModel:
         written += [("formulation", condition, self.cone) for condition in self.conditions]
         if len(faces := self.contacts.faces) < len(self.contacts):
             written = [(name, on_faces(c, faces), cone) for name, c, cone in written]
+            written = [each for each in written if len(each[1].rows(0))]
         for _, condition, _ in written:
             rows = len(self.contacts if condition.contact is None else condition.contact)
             for name in chain.from_iterable(condition.forms()):

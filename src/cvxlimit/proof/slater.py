@@ -275,8 +275,9 @@ class Witnesses:
         if self._rows is not None:
             return self._rows.excess(z)
         excess = self.strength.excess(self._balance.model.forces(z))
-        conditions = zip(excess, self.strength.rows, self.strength.conditions, strict=True)
-        # conditions at corners are left out: they hold where compressions are positive
+        conditions = zip(excess, self.strength.rows, self.strength.conditions, strict=False)
+        # Conditions at corners are left out: they hold where compressions are positive. The last
+        # of excess is that of points, whose forces are compressions alone here.
         return [(y, rows) for y, rows, (c, _) in conditions if c.contact is None]
 
     @cached_property

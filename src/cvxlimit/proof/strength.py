@@ -86,6 +86,7 @@ class Strength:
         # Compressions among internal forces, by place: a part of a formulation may have the name of
         # a force component, so that a condition by name would mean the wrong one.
         self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])
+        self._points = np.flatnonzero(self.contacts.is_point)
         others = (s for s in surfaces if s.name != Rocking.name)
         self.surfaces = with_bounds((Rocking(), *others), self.contacts)
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
@@ -131,7 +132,8 @@ class Strength:
         if not unresisted.any():
             return balance
         gives = abs(balance.model.resultant_map).T
-        return replace(balance, held=(gives @ unresisted > 0.0) & (gives @ ~unresisted == 0.0))
+        held = (gives @ unresisted > 0.0) & (gives @ ~unresisted == 0.0)
+        return replace(balance, held=held) if held.any() else balance
 
     @cached_property
     def _unresisted(self) -> tuple[list[BoolArray], BoolArray]:
@@ -146,6 +148,8 @@ class Strength:
             names = [name for norm in condition.norms for row in norm.rows for name in row]
             for name in COLUMN.keys() & names:
                 unresisted[rows[is_zero], COLUMN[name]] = True
+        unresisted[self._points, :] = True
+        unresisted[:, COLUMN["N"]] = False
         return rows_without, unresisted
 
     @cached_property
@@ -189,12 +193,18 @@ class Strength:
         if unresisted.any():  # a state without these forces is inside
             pairs = zip(excess, rows_without, strict=True)
             excess = [np.where(is_zero & (y <= 0.0), -NOTHING, y) for y, is_zero in pairs]
+        if len(self._points) and not self.is_internal:  # they bear nothing but compression
+            others = np.delete(state[self._points], COLUMN["N"], axis=1)
+            beyond = np.abs(others).max(axis=1)
+            excess.append(np.where(beyond == 0.0, -NOTHING, beyond))
         return [-state[self._pressed], *excess] if len(self._pressed) else excess
 
     @cached_property
     def rows(self) -> list[IntArray]:
         """The contact of every entry of :meth:`excess`."""
         rows = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
+        if len(self._points) and not self.is_internal:
+            rows.append(self._points)
         return [self.model.contact[self._pressed], *rows] if len(self._pressed) else rows
 
     def balancing(self, state: FloatArray, load_factor: float, statics: Statics) -> float:

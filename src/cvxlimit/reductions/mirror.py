@@ -83,7 +83,7 @@ def find_mirror(
     """Returns a mirror plane of a scene under these surfaces, or None. ``across`` is the normal of
     a planar scene's plane, which is a mirror plane too, but halves nothing."""
     free = statics.centroids[statics.row_of_block >= 0]
-    size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
+    size = statics.contacts.extent
     for normal in _candidates(statics, free):
         if across is not None and abs(normal @ across) > _SAME:
             continue

@@ -209,7 +209,7 @@ class Plane:
 def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | None:
     """Returns the plane of a scene under these surfaces, or None if the scene is not planar to
     rounding."""
-    size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
+    size = statics.contacts.extent
     for normal in _candidates(statics):
         if _is_flat(statics, normal, size):
             plane = Plane(normal, statics.contacts)

@@ -208,10 +208,12 @@ def _points(ties: Sequence[Tie], reactions: Sequence[Reaction]) -> Iterator[_Poi
 
 
 def with_reactions(
-    contacts: Contacts, ties: Sequence[Tie], reactions: Sequence[Reaction], supports: Sequence[str]
-) -> Contacts:
+    contacts: Contacts, ties: Sequence[Tie], reactions: Sequence[Reaction],
+    supports: Sequence[str], size: float,
+) -> Contacts:  # fmt: skip
     """Contacts followed by a point for each tie and each reaction, and by two for a reaction that
-    may push and pull; blocks are known by name, and the first support stands for the ground."""
+    may push and pull; blocks are known by name, and the first support stands for the ground.
+    ``size`` is that of blocks, where there are no other contacts."""
     points = [*_points(ties, reactions)]
     if not points:
         return contacts
@@ -226,7 +228,7 @@ def with_reactions(
         corner_start=np.arange(k + 1),
         corner_xy=np.zeros((k, 2)),
         sides=np.full((k, 2), np.nan),
-        area=np.zeros(k),
+        area=np.full(k, (contacts.typical_size if len(contacts) else size) ** 2),
         friction=np.zeros(k),
         least=np.array([point.least for point in points]),
         most=np.array([point.most for point in points]),

@@ -150,7 +150,8 @@ class Scene(RemadeFromFields, SceneJoints):
         if given is not None:
             return given
         detected = self._given_to(self._detection.contacts)
-        return with_reactions(detected, self.ties, self.reactions, self.supports)
+        size = float(np.median([self.blocks[i].size for i in self.free]))
+        return with_reactions(detected, self.ties, self.reactions, self.supports, size)
 
     @property
     def near_misses(self) -> tuple[NearMiss, ...]:

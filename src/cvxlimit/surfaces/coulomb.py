@@ -43,7 +43,7 @@ class Rocking(YieldSurface):
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         contact, inward, offset = contacts.edges
         inside = {"N": 1, "M2": -inward[:, 0] / offset, "M1": inward[:, 1] / offset}
-        result = [Condition((), inside, contact)]
+        result = [Condition((), inside, contact)] if len(contact) else []
         if len(points := np.flatnonzero(contacts.is_point)):
             result.append(Condition((), {"N": contacts.sense[points]}, points))
         return result
