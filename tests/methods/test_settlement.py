@@ -28,7 +28,7 @@ from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io import read_result, write_scene
-from cvxlimit.methods.settlement import Reaction
+from cvxlimit.methods.settlement import SupportReaction
 from cvxlimit.plotting import plot
 from cvxlimit.plotting.look import title
 from helpers import renumbered, rotations
@@ -211,7 +211,7 @@ class TestCommandLine:
 class TestSeveralTogether:
     """A beam of length 2 and weight 4 on three piers of 0.2 m; arches between abutments."""
 
-    def check(self, reaction: Reaction, expected: float) -> None:
+    def check(self, reaction: SupportReaction, expected: float) -> None:
         assert reaction.solution.status is Status.CERTIFIED
         assert reaction.value == pytest.approx(expected, rel=1e-6, abs=1e-6)
         assert reaction.bracket.is_within(1e-4)

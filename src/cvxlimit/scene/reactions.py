@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray
 from cvxlimit.base.checks import finite_vector, meant, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
@@ -67,7 +67,9 @@ class Reaction:
         if not size > 0.0:
             raise InputError(f"direction of {where} must not be zero: say where it pushes")
         object.__setattr__(self, "at", tuple(at.tolist()))
-        object.__setattr__(self, "direction", tuple((direction / size).tolist()))
+        if abs(size - 1.0) > ROUNDING:  # else a file's reader would change the last digit
+            direction = direction / size
+        object.__setattr__(self, "direction", tuple(direction.tolist()))
         for name in ("most", "least"):
             value = getattr(self, name)
             is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
@@ -217,6 +219,8 @@ def with_reactions(
     points = [*_points(ties, reactions)]
     if not points:
         return contacts
+    if not supports and (held := [point.name for point in points if point.a is None]):
+        raise InputError(f"{held[0]!r} needs a ground that stays: name the block that pushes in on")
     place, k = {key: i for i, key in enumerate(contacts.block_ids)}, len(points)
     bars = Contacts(
         names=tuple(point.name for point in points),

@@ -381,11 +381,15 @@ class Scene(RemadeFromFields, SceneJoints):
     def geometry(self) -> str:
         """Fingerprint of all that determines contacts: equal for scenes with the same contacts.
 
-        Shapes and ids of blocks, supports, joint tolerance, which blocks are tied; not density,
-        friction or loads.
+        Shapes and ids of blocks, supports, joint tolerance, where ties and reactions act; not
+        density, friction, loads and what ties and reactions bear.
         """
         digest = hashlib.blake2b(digest_size=16)
-        digest.update(repr((self.supports, self.joint_tolerance, sorted(self._tied))).encode())
+        ends = [(tie.a, tie.b, tie.start, tie.end) for tie in self.ties]
+        pushes = [
+            (r.block, r.on, r.at, r.direction, r.most > 0.0, r.least < 0.0) for r in self.reactions
+        ]
+        digest.update(repr((self.supports, self.joint_tolerance, ends, pushes)).encode())
         for block in self.blocks:
             digest.update(repr((block.id, block.faces)).encode())
             digest.update(block.vertices.tobytes())
