@@ -43,6 +43,7 @@ from scipy.sparse.linalg import splu
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.solvers import clarabel_at, run
@@ -206,6 +207,8 @@ class FlowRule(StrengthRows):
         most = most[own.contact[self._compressions]]
         self._bounded = np.flatnonzero(np.isfinite(most))
         self._most = most[self._bounded]
+        # So do rectangles that crush, where no conditions of the model's own say so.
+        self._crushing = None if own.conditions else EffectiveRectangles.of(own.contacts)
         # Norm rows of conditions whose resistance grows with forces of any sign are coupled. Their
         # multipliers change rates that must agree exactly, so their flows are left as proposed and
         # the others make up for them.
@@ -316,8 +319,29 @@ class FlowRule(StrengthRows):
         lacks = -opening / self._normal_per_unit
         lacks[bounded] = -np.inf
         np.maximum.at(missing, contact, lacks)
+        if (crushing := self._crushing) is not None:
+            missing[crushing.rows] = -np.inf
+            by_contact[crushing.rows] += crushing.dissipation(*self._on_rectangles(opening))
         unresisted = -rest[self._signed] * self._length
         return Shortfall(missing, unresisted, float(by_contact.sum()), by_contact, multipliers)
+
+    def _on_rectangles(self, opening: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns openings at all compressions of the model as those in the middle of rectangles
+        that crush (k,), and their slopes (k, 2) along both sides."""
+        assert self._crushing is not None
+        contacts, rows = self.model.contacts, self._crushing.rows
+        contact = self.model.contact[self._compressions]
+        # a compression at (x, y) is N = 1, M1 = y, M2 = -x
+        place = self.model.resultant_map[:, self._compressions]
+        at = np.arange(len(contact))
+        x = -np.asarray(place[6 * contact + COLUMN["M2"], at])
+        y = np.asarray(place[6 * contact + COLUMN["M1"], at])
+
+        def summed(values: FloatArray) -> FloatArray:
+            return np.bincount(contact, values, len(contacts))[rows]
+
+        slope = [summed(v * opening) / summed(v * v) for v in (x, y)]
+        return summed(opening) / summed(np.ones(len(contact))), np.stack(slope, axis=1)
 
     def _least_multipliers(self, flows: FloatArray) -> FloatArray:
         """Returns the least multipliers (k,) that flows (q,) permit: the largest polar gauge of a

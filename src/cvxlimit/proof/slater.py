@@ -277,14 +277,17 @@ class Witnesses:
         excess = self.strength.excess(self._balance.model.forces(z))
         conditions = zip(excess, self.strength.rows, self.strength.conditions, strict=False)
         # Conditions at corners are left out: they hold where compressions are positive. The last
-        # of excess is that of points, whose forces are compressions alone here.
-        return [(y, rows) for y, rows, (c, _) in conditions if c.contact is None]
+        # of excess are those of points, whose forces are compressions alone here, and of crushing.
+        result = [(y, rows) for y, rows, (c, _) in conditions if c.contact is None]
+        if self.strength.crushing is not None:
+            result.append((excess[-1], self.strength.rows[-1]))
+        return result
 
     @cached_property
     def _rows(self) -> StrengthRows | None:
         """The conditions as rows on internal forces; None where some forces are resisted by
-        nothing, which only :meth:`Strength.excess` takes into account."""
-        if self._balance.held is not None:
+        nothing, or stone crushes, which only :meth:`Strength.excess` takes into account."""
+        if self._balance.held is not None or self.strength.crushing is not None:
             return None
         flow = self.strength.flow
         if self._balance.rates is None and isinstance(flow, StrengthRows):

@@ -18,7 +18,7 @@ from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.crushing import recession_of
+from cvxlimit.model.crushing import EffectiveRectangles, recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
 from cvxlimit.model.statics import Statics
@@ -79,7 +79,12 @@ class Strength:
         self.assemblage = assemblage
         self.contacts = assemblage.contacts
         self.formulation = formulation
-        model = model_of(formulation, self.contacts)
+        # rectangles that crush have closed forms; what else crushes has forces of its own
+        self.crushing = EffectiveRectangles.of(self.contacts)
+        if formulation is not corner_compressions:
+            self.crushing = None
+        is_plain = self.crushing is not None
+        model = formulation(self.contacts) if is_plain else model_of(formulation, self.contacts)
         self.is_internal = bool(model.conditions)
         is_needed = self.is_internal or formulation is corner_compressions
         self.model = model if is_needed else corner_compressions(self.contacts)
@@ -162,7 +167,8 @@ class Strength:
     @cached_property
     def is_cone(self) -> bool:
         """True if no condition has a constant: any multiple of admissible forces is admissible."""
-        return not any(has_constants(condition) for condition, _ in self.conditions)
+        has = any(has_constants(condition) for condition, _ in self.conditions)
+        return self.crushing is None and not has
 
     def recession(self) -> tuple[tuple[YieldSurface, ...], Formulation]:
         """Returns surfaces and formulation without their constants: their admissible forces are the
@@ -197,6 +203,8 @@ class Strength:
             others = np.delete(state[self._points], COLUMN["N"], axis=1)
             beyond = np.abs(others).max(axis=1)
             excess.append(np.where(beyond == 0.0, -NOTHING, beyond))
+        if self.crushing is not None:
+            excess.append(self.crushing.excess(state))
         return [-state[self._pressed], *excess] if len(self._pressed) else excess
 
     @cached_property
@@ -205,6 +213,8 @@ class Strength:
         rows = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
         if len(self._points) and not self.is_internal:
             rows.append(self._points)
+        if self.crushing is not None:
+            rows.append(self.crushing.rows)
         return [self.model.contact[self._pressed], *rows] if len(self._pressed) else rows
 
     def balancing(self, state: FloatArray, load_factor: float, statics: Statics) -> float:

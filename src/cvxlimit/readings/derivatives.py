@@ -39,6 +39,7 @@ from cvxlimit.geometry.facing import patches
 from cvxlimit.geometry.mesh import volume_and_centroid
 from cvxlimit.model.flow import FlowRule, StrengthRows, corner_openings
 from cvxlimit.model.formulations import corner_compressions, model_of
+from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.mortar import without_tension
 from cvxlimit.model.statics import Statics
 from cvxlimit.readings.corners import Follows, Shapes, followed, volume_slopes
@@ -118,9 +119,12 @@ class Proof:
         self.multipliers = flow.shortfall(relative).multipliers
         forces[:, COLUMN["N"]] += pull
         # Internal forces that give the solution's contact forces.
-        if not model.conditions:
+        crushing = EffectiveRectangles.of(pressed)
+        if not model.conditions or crushing is not None:
+            own = () if crushing is None else crushing.stated(forces)
+            faces = forces[pressed.faces]
             self.internal = np.concatenate(
-                [_corner_forces(pressed, forces, relative), *forces.T[[0, 1, 5]]]
+                [_corner_forces(pressed, forces, relative), *faces.T[[0, 1, 5]], *own]
             )
         elif solution.internal is not None and len(solution.internal) == len(model.nonneg):
             self.internal = solution.internal
