@@ -363,22 +363,22 @@ def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
     l1, l2 = contacts.sides[weak].T
     most = product(contacts.compressive_strength, contacts.area)[weak]
     effective = [
-        _product("z", {"N": 1, "M2": i * 2.0 / l1}, {"N": 1, "M1": k * 2.0 / l2}, weak)
+        rotated("z", {"N": 1, "M2": i * 2.0 / l1}, {"N": 1, "M1": k * 2.0 / l2}, weak)
         for i in (-1, 1)
         for k in (-1, 1)
     ]
     conditions = [
         *model.conditions,
         *effective,
-        _product("N", {"z": 1}, {"s": 1}, weak),
-        _product("s", {"N": 1}, {CONSTANT: most}, weak),
+        rotated("N", {"z": 1}, {"s": 1}, weak),
+        rotated("s", {"N": 1}, {CONSTANT: most}, weak),
     ]
     parts = [*model.parts, Part("z", {}, weak), Part("s", {}, weak)]
     return replace(model, parts=parts, conditions=conditions)
 
 
-def _product(root: str, first: Numbers, second: Numbers, contact: IntArray) -> Condition:
-    """root^2 <= first x second."""
+def rotated(root: str, first: Numbers, second: Numbers, contact: IntArray) -> Condition:
+    """Returns the condition root^2 <= first x second: a rotated cone."""
     total, difference = (
         {key: first.get(key, 0.0) + sign * second.get(key, 0.0) for key in {**first, **second}}
         for sign in (1.0, -1.0)

@@ -31,13 +31,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.model.formulations import ForceModel, Part, compressions_at
+from cvxlimit.model.formulations import ForceModel, Part, compressions_at, is_weak, rotated
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.mirror import (
     are_loads_alike,
@@ -116,20 +117,34 @@ class Plane:
 
     def model(self, contacts: Contacts) -> ForceModel:
         """Returns the formulation: compressions at the two ends, shear along d, and the conditions
-        on them."""
+        on them. Rectangles that crush need one unknown s more: s is at most the compression at
+        either end, and N^2 <= 2 f A s, which is N <= f (l - 2 abs(M) / N) b."""
         each, faces = np.arange(len(contacts)), contacts.faces
         at = np.concatenate([self.ends[:, 0], self.ends[faces, 1]])  # points have one end
         on = np.concatenate([each, faces])
         along = self.along[faces]
-        return ForceModel(
-            contacts,
-            [
-                compressions_at(contacts, on, at[:, None] * self.along[on]),
-                Part("V", {"V1": along[:, 0], "V2": along[:, 1]}, faces),
-            ],
-            self.conditions,
-            self.names | {Rocking.name},
-        )
+        parts = [
+            compressions_at(contacts, on, at[:, None] * self.along[on]),
+            Part("V", {"V1": along[:, 0], "V2": along[:, 1]}, faces),
+        ]
+        conditions = list(self.conditions)
+        if len(weak := np.flatnonzero(is_weak(contacts))):
+            parts.append(Part("s", {}, weak))
+            length = np.ptp(self.ends[weak], axis=1)
+            for sign in (-1.0, 1.0):  # of either end: N / 2 + M / l, M about y
+                m1, m2 = (sign * self.across[weak] / length[:, None]).T
+                end = {"N": 0.5, "M1": m1, "M2": m2, "s": -1.0}
+                conditions.append(Condition((), end, weak))
+            most = 2.0 * (contacts.compressive_strength * contacts.area)[weak]
+            conditions.append(rotated("N", {"s": 1}, {CONSTANT: most}, weak))
+        return ForceModel(contacts, parts, conditions, self.names | {Rocking.name})
+
+    @property
+    def has_sides(self) -> bool:
+        """True if d is along a side of every contact that crushes, which are rectangles."""
+        weak = np.flatnonzero(is_weak(self.contacts))
+        is_along = np.abs(self.along[weak]).max(axis=1, initial=0.0) >= 1.0 - _IN_PLANE
+        return bool((self.contacts.is_rectangle[weak] & is_along).all())
 
     def taking(self, kept: NDArray[np.bool_]) -> Plane:
         """Returns the plane with only those contacts for which ``kept`` (n,) is true."""
@@ -206,6 +221,17 @@ class Plane:
         return np.stack([shear, rows[:, 2], moment], axis=1)
 
 
+@dataclass(frozen=True, eq=False)
+class InPlane:
+    """The formulation of a plane's contacts, which states their strength itself."""
+
+    plane: Plane
+    sees_to_strength: ClassVar[bool] = True
+
+    def __call__(self, contacts: Contacts) -> ForceModel:
+        return self.plane.model(contacts)
+
+
 def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | None:
     """Returns the plane of a scene under these surfaces, or None if the scene is not planar to
     rounding."""
@@ -213,7 +239,7 @@ def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | No
     for normal in _candidates(statics):
         if _is_flat(statics, normal, size):
             plane = Plane(normal, statics.contacts)
-            if plane.spans(_IN_PLANE * size):
+            if plane.has_sides and plane.spans(_IN_PLANE * size):
                 return plane.with_strength(surfaces)
     return None
 
