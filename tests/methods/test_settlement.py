@@ -147,12 +147,6 @@ def test_refusals() -> None:
         settlement(scene.with_strength(compressive=1e3), "p1", DOWN)
 
 
-def test_no_ties() -> None:
-    tie = Tie("p0", "beam", (0, 0.5, 0), (0, 0.5, 0.1), 1.0)
-    with pytest.raises(ModelError, match="settlement knows no ties"):
-        settlement(replace(beam_on_three(), ties=(tie,)), "p1", DOWN)
-
-
 class TestCommandLine:
     @pytest.mark.exhaustive
     def test_spreading_springing_with_file_and_picture(self, tmp_path: Path) -> None:

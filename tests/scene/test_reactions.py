@@ -107,6 +107,38 @@ class TestByHand:
             assert found.load_factor == pytest.approx(0.45, rel=1e-4)
 
 
+def test_slopes_by_what_reactions_bear() -> None:
+    """Against the push 0.8 above the ground: alpha = mu + r / W slides, 1 + 0.08 r rocks."""
+    for friction, slope in ((0.3, 1.0 / 20.0), (1.5, 0.08)):
+        scene = propped(Reaction("b", (1, 0.5, 0.8), (-1, 0, 0), 3.0), friction=friction)
+        found = solve(scene).sensitivity()
+        assert found.most == pytest.approx([0.0, slope], rel=1e-6)
+        assert "reactions at most" in str(found)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_slopes_by_differences(seed: int) -> None:
+    """Of crushing arches between soils on both sides; planar, so that both are near each other."""
+    rng = np.random.default_rng(seed)
+    ring = arch(9, live=Load(acceleration=(1.0, 0.0, 0.0))).with_strength(compressive=400.0)
+    ids, place = [ring.blocks[i].id for i in ring.free], ring.blocks
+    soil = []
+    for k in range(len(ids)):
+        at = place[ring.free[k]].centroid
+        way = (1.0, 0.0, 0.0) if at[0] < 0.0 else (-1.0, 0.0, 0.0)
+        soil.append(Reaction(ids[k], tuple(at), way, float(rng.uniform(0.05, 0.3))))
+    scene, step = replace(ring, reactions=tuple(soil)), 1e-3
+    slopes = solve(scene).sensitivity().most[scene.contacts.is_point]
+    for k in rng.choice(len(soil), 3, replace=False):
+        ends = []
+        for way in (1.0, -1.0):
+            own = replace(soil[k], most=soil[k].most + way * step)
+            changed = replace(scene, reactions=(*soil[:k], own, *soil[k + 1 :]))
+            ends.append(solve(changed, tolerance=1e-8).load_factor)
+        slope = (ends[0] - ends[1]) / (2.0 * step)
+        assert slope == pytest.approx(slopes[k], abs=1e-3 * slopes.max() + 1e-5)
+
+
 class TestAnswers:
     def test_files_and_units_keep_them(self, tmp_path: Path) -> None:
         given = (

@@ -220,7 +220,7 @@ def test_refusals() -> None:
 @pytest.mark.parametrize("interaction", ["fixed-point", "certified"])
 def test_interaction_names_them(interaction: str) -> None:
     """Not their strength, which the scene does not state."""
-    with pytest.raises(ModelError, match="knows no ties: leave ties out of the scene"):
+    with pytest.raises(ModelError, match="knows no ties and no reactions"):
         solve(tied_block(4.0), method=interaction)
 
 
