@@ -49,14 +49,14 @@ from cvxlimit.scene.loads import GrowingAcceleration as GrowingAcceleration
 from cvxlimit.scene.loads import Load as Load
 from cvxlimit.scene.loads import PointForce as PointForce
 from cvxlimit.scene.pressures import Pressure as Pressure
+from cvxlimit.scene.reactions import Reaction as Reaction
+from cvxlimit.scene.reactions import Tie as Tie
 from cvxlimit.scene.settling import SupportMotion as SupportMotion
 from cvxlimit.scene.surroundings import earth_pressure as earth_pressure
 from cvxlimit.scene.surroundings import fill as fill
 from cvxlimit.scene.surroundings import hydrostatic as hydrostatic
 from cvxlimit.scene.surroundings import uplift as uplift
 from cvxlimit.scene.surroundings import wheel as wheel
-from cvxlimit.scene.reactions import Reaction as Reaction
-from cvxlimit.scene.reactions import Tie as Tie
 from cvxlimit.solution import Iterate as Iterate
 from cvxlimit.solution import Member as Member
 from cvxlimit.solution import Solution as Solution

@@ -19,7 +19,6 @@ from cvxlimit import (
     Scene,
     Status,
     SupportMotion,
-    Tie,
     Units,
     builtin_scene,
     settlement,

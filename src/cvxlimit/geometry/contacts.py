@@ -99,8 +99,8 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         How many of the blocks' faces do not lie in the contact's plane and are taken as if they
         did, and the largest angle (radians) by which they are turned from it; 0 for exact ones.
     least, most : (n,), sense : (n,)
-        Of contacts that are points (``is_point``: reactions and ties), which have no other strength:
-        ``least <= sense * N <= most``; sense is -1.0 for ties, which pull, and 1.0 for all others.
+        Of contacts that are points (``is_point``: reactions and ties), which bear nothing else:
+        ``least <= sense * N <= most``; sense is -1.0 for ties, which pull, else 1.0.
     """
 
     names: tuple[str, ...]

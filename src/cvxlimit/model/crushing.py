@@ -1,7 +1,7 @@
 """Limited compressive strength: rectangles that crush on their effective part, or pressure fields.
 
-Uniform stress on the effective rectangle (Eq. 26), N <= f (l1 - 2 abs(M2) / N) (l2 - 2 abs(M1) / N),
-is a convex set. Problems state it by rotated cones (:mod:`cvxlimit.model.formulations`); proofs use
+Uniform stress on the effective rectangle (Eq. 26) is the convex set
+N <= f (l1 - 2 abs(M2) / N) (l2 - 2 abs(M1) / N). Problems state it by rotated cones (:mod:`cvxlimit.model.formulations`); proofs use
 closed forms, :class:`EffectiveRectangles`. A plastic field of pressures 0 <= p <= f is a larger
 set: pressures constant on cells are inside it, pressures lumped at the cells' corners outside.
 """
@@ -63,10 +63,12 @@ class EffectiveRectangles:
         rows = np.flatnonzero(is_weak(contacts))
         if not len(rows) or not contacts.is_rectangle[rows].all():
             return None
-        return cls(rows, contacts.sides[rows], np.asarray(number(contacts.compressive_strength))[rows])
+        return cls(
+            rows, contacts.sides[rows], np.asarray(number(contacts.compressive_strength))[rows]
+        )
 
     def excess(self, forces: FloatArray) -> FloatArray:
-        """Returns N - (f a b)^(1/3) (k,) with a = l1 N - 2 abs(M2), b = l2 N - 2 abs(M1), for forces
+        """Returns N - (f a b)^(1/3) (k,), a = l1 N - 2 abs(M2) and b = l2 N - 2 abs(M1), for forces
         (n, 6): a convex function where the pressure centre is inside the contact, and at most 0
         where the stone bears the forces. Elsewhere rocking is exceeded, and this says nothing: a
         negative number next to 0."""
@@ -78,7 +80,7 @@ class EffectiveRectangles:
         return np.where(is_inside, n - bears, -1e-300)
 
     def stated(self, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Returns z and s (k,), with which problems state that N^2 <= z s, for forces (n, 6): z^2 is
+        """Returns z and s (k,), by which problems state that N^2 <= z s, for forces (n, 6): z^2 is
         the product (a / l1) (b / l2), and s^2 is N f l1 l2."""
         n, m1, m2 = (forces[self.rows, COLUMN[c]] for c in ("N", "M1", "M2"))
         l1, l2 = self.sides.T

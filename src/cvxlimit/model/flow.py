@@ -202,7 +202,9 @@ class FlowRule(StrengthRows):
         # Compressions that are bounded above resist any rate: at their bound where it closes them.
         most = np.full(len(own.contacts), np.inf)
         for surface in with_bounds(surfaces, own.contacts):
-            for condition in surface.conditions(own.contacts) if surface.name == Bounds.name else ():
+            for condition in (
+                surface.conditions(own.contacts) if surface.name == Bounds.name else ()
+            ):
                 most[condition.contact] = number(condition.resistance.get(CONSTANT, 0.0))
         most = most[own.contact[self._compressions]]
         self._bounded = np.flatnonzero(np.isfinite(most))

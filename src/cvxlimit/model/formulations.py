@@ -305,9 +305,7 @@ def corner_compressions(contacts: Contacts) -> ForceModel:
     return ForceModel(contacts, [n, *parts])
 
 
-def compressions_at(
-    contacts: Contacts, contact: IntArray, at: FloatArray, name: str = "n"
-) -> Part:
+def compressions_at(contacts: Contacts, contact: IntArray, at: FloatArray, name: str = "n") -> Part:
     """A compression at each of some points (k, 2) of contacts (k,); of ties a tension."""
     normal = contacts.sense[contact] if contacts.is_point.any() else 1
     return Part(name, {"N": normal, "M1": at[:, 1], "M2": -at[:, 0]}, contact, nonneg=True)
@@ -345,7 +343,9 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
     at = np.flatnonzero(~contacts.is_point[n.contact])
     j = n.contact[at]
     # a part of the compressions: those of contacts that are points come with no friction
-    parts = [n] if len(at) == len(n.contact) else [compressions_at(contacts, j, contacts.corner_xy[at])]
+    parts = (
+        [n] if len(at) == len(n.contact) else [compressions_at(contacts, j, contacts.corner_xy[at])]
+    )
     resistance: dict[str, Coefficient] = {"n": contacts.friction[j]}
     if is_some(contacts.cohesion):
         corners = np.diff(contacts.corner_start)

@@ -246,7 +246,9 @@ class Witnesses:
         pushed = z.copy()
         pushed[is_compression] = np.maximum(z[is_compression], compression)
         if (most := self._most_compressions) is not None:  # of reactions, at least half of that
-            pushed[is_compression] = np.minimum(pushed[is_compression], (1.0 - _SETTINGS.spare) * most)
+            pushed[is_compression] = np.minimum(
+                pushed[is_compression], (1.0 - _SETTINGS.spare) * most
+            )
         without_shear = np.where(is_compression, pushed, 0.0)
         pushed, is_inside = self._moved_towards(without_shear, pushed)
         if is_inside:

@@ -37,9 +37,9 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.facing import patches
 from cvxlimit.geometry.mesh import volume_and_centroid
+from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.flow import FlowRule, StrengthRows, corner_openings
 from cvxlimit.model.formulations import corner_compressions, model_of
-from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.mortar import without_tension
 from cvxlimit.model.statics import Statics
 from cvxlimit.readings.corners import Follows, Shapes, followed, volume_slopes

@@ -68,9 +68,9 @@ class Reductions:
         model: str = "auto",
     ) -> Reductions:
         """Returns the reductions that are valid and pay, or all that are valid for
-        ``model="least"``. There are none for ``"full"``, for formulations of one's own, for contacts
-        that crush and are no rectangles, whose conditions are on forces of their own, and for
-        guided blocks, which need not move in the plane or like their mirror image.
+        ``model="least"``. There are none for ``"full"``, for formulations of one's own, for
+        contacts that crush and are no rectangles, whose conditions are on forces of their own, and
+        for guided blocks, which need not move in the plane or like their mirror image.
         """
         contacts = assemblage.contacts
         crushes = is_weak(contacts).any() and EffectiveRectangles.of(contacts) is None

@@ -7,5 +7,6 @@ from cvxlimit.scene.scene import Scene, check_scene
 from cvxlimit.scene.units import METRES, Units
 
 __all__ = [
-    "GRAVITY", "METRES", "Load", "PointForce", "Pressure", "Reaction", "Scene", "Tie", "Units", "check_scene",
+    "GRAVITY", "METRES", "Load", "PointForce", "Pressure", "Reaction", "Scene", "Tie", "Units",
+    "check_scene",
 ]  # fmt: skip

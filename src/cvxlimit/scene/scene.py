@@ -23,8 +23,8 @@ from cvxlimit.geometry.lumped import Lumped, lumped_at
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.geometry.strengths import PROPERTIES, ByPair, SceneJoints
 from cvxlimit.scene.loads import GRAVITY, Load
-from cvxlimit.scene.settling import SupportMotion, check_motions
 from cvxlimit.scene.reactions import Reaction, Tie, check_reactions, with_reactions
+from cvxlimit.scene.settling import SupportMotion, check_motions
 from cvxlimit.scene.units import DEFAULT_UNITS, Units
 
 
