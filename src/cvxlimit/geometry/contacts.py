@@ -282,7 +282,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         contact, corner = self.corner_contact, self.corner_xy
         if self.is_point.any():
             has_edges = ~self.is_point[contact]
-            contact, corner, inward = (x[has_edges] for x in (contact, corner, inward))
+            contact, corner, inward = contact[has_edges], corner[has_edges], inward[has_edges]
         inward /= np.linalg.norm(inward, axis=1)[:, None]
         return contact, inward, -(inward * corner).sum(axis=1)
 

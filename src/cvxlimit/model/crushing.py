@@ -1,9 +1,10 @@
 """Limited compressive strength: rectangles that crush on their effective part, or pressure fields.
 
 Uniform stress on the effective rectangle (Eq. 26) is the convex set
-N <= f (l1 - 2 abs(M2) / N) (l2 - 2 abs(M1) / N). Problems state it by rotated cones (:mod:`cvxlimit.model.formulations`); proofs use
-closed forms, :class:`EffectiveRectangles`. A plastic field of pressures 0 <= p <= f is a larger
-set: pressures constant on cells are inside it, pressures lumped at the cells' corners outside.
+N <= f (l1 - 2 abs(M2) / N) (l2 - 2 abs(M1) / N). Problems state it by rotated cones
+(:mod:`cvxlimit.model.formulations`); proofs use closed forms, :class:`EffectiveRectangles`. A
+plastic field of pressures 0 <= p <= f is a larger set: pressures constant on cells are inside it,
+pressures lumped at the cells' corners outside.
 """
 
 from __future__ import annotations

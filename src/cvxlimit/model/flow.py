@@ -340,7 +340,7 @@ class FlowRule(StrengthRows):
         y = np.asarray(place[6 * contact + COLUMN["M1"], at])
 
         def summed(values: FloatArray) -> FloatArray:
-            return np.bincount(contact, values, len(contacts))[rows]
+            return np.bincount(contact, values, len(contacts)).astype(float)[rows]
 
         slope = [summed(v * opening) / summed(v * v) for v in (x, y)]
         return summed(opening) / summed(np.ones(len(contact))), np.stack(slope, axis=1)

@@ -237,13 +237,13 @@ def on_faces(condition: Condition, faces: IntArray) -> Condition:
     if condition.contact is not None:
         return condition
 
-    def rows(form: LinearForm) -> LinearForm:
-        return {name: c if np.ndim(c) == 0 else c[faces] for name, c in form.items()}
+    def of(coefficient: Any) -> Any:
+        return coefficient if np.ndim(coefficient) == 0 else coefficient[faces]
 
-    norms = [
-        Norm(*map(rows, n.rows), weight=n.weight if np.ndim(n.weight) == 0 else n.weight[faces])
-        for n in condition.norms
-    ]
+    def rows(form: LinearForm) -> LinearForm:
+        return {name: of(c) for name, c in form.items()}
+
+    norms = [Norm(*map(rows, n.rows), weight=of(n.weight)) for n in condition.norms]
     return Condition(norms, rows(condition.resistance), faces)
 
 

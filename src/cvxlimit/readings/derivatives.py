@@ -122,10 +122,10 @@ class Proof:
         # Internal forces that give the solution's contact forces.
         crushing = EffectiveRectangles.of(pressed)
         if not model.conditions or crushing is not None:
-            own = () if crushing is None else crushing.stated(forces)
+            stated = () if crushing is None else crushing.stated(forces)
             faces = forces[pressed.faces]
             self.internal = np.concatenate(
-                [_corner_forces(pressed, forces, relative), *faces.T[[0, 1, 5]], *own]
+                [_corner_forces(pressed, forces, relative), *faces.T[[0, 1, 5]], *stated]
             )
         elif solution.internal is not None and len(solution.internal) == len(model.nonneg):
             self.internal = solution.internal

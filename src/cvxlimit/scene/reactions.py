@@ -161,14 +161,14 @@ def check_reactions(
     supports: Collection[str],
 ) -> None:  # fmt: skip
     """Refuse those of blocks that are not there, and those between two supports."""
-    named = [(f"tie {tie.a!r}-{tie.b!r}", (tie.a, tie.b)) for tie in ties]
-    named += [(r._name, (r.block,) if r.on is None else (r.block, r.on)) for r in reactions]
+    named = [(f"tie {tie.a!r}-{tie.b!r}", [tie.a, tie.b]) for tie in ties]
+    named += [(r._name, [r.block] if r.on is None else [r.block, r.on]) for r in reactions]
     for what, keys in named:
         for key in keys:
             if key not in blocks:
                 cure = meant(key, blocks) or "add it to the blocks"
                 raise InputError(f"{what}: there is no block {key!r}; {cure}")
-        if supports.__len__() and all(key in supports for key in keys):
+        if all(key in supports for key in keys):
             raise InputError(
                 f"{what} joins two supports, which do not move"
                 if len(keys) == 2
