@@ -1,0 +1,94 @@
+"""Soil that resists: passive pressure as reactions, on the faces that it reaches."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cvxlimit.base.checks import positive
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.mesh import fan, polygon_vectors, unit
+from cvxlimit.scene.pressures import pressed
+from cvxlimit.scene.reactions import Reaction
+from cvxlimit.scene.scene import Scene
+from cvxlimit.scene.surroundings import _bare, _chosen, _horizontal, _up
+
+OVERHANGING = np.cos(np.radians(100.0))
+"""Faces that look down by more than 10 degrees, as those of an intrados, have no soil on them."""
+
+
+def passive(
+    scene: Scene,
+    level: float,
+    unit_weight: float,
+    coefficient: float,
+    along: ArrayLike = (1.0, 0.0, 0.0),
+    blocks: Collection[str] | None = None,
+) -> tuple[Reaction, ...]:
+    """Soil that pushes back: on every face that it covers at most K x unit weight x depth, level.
+
+    It pushes along the horizontal axis ``along``, against the outward side of each face, with any
+    force from nothing up to K gamma z dh w, on a face of projected height dh and width w at the
+    depth z: where equilibrium needs it. The force acts at the centre of that pressure. Soil that
+    resists needs movement, so that K is the passive coefficient times the share of it that is
+    mobilised: 0.5 of 3.0, for 30 degrees, is 1.5. Its weight is :func:`cvxlimit.fill`.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its dead load's gravity says where down is.
+    level : float
+        Height of the soil's level surface.
+    unit_weight, coefficient : float
+    along : (3,)
+        Horizontal axis along which soil resists, both ways: that of a bridge's span.
+    blocks : collection of str, optional
+        The only blocks that it reaches; unless given, all free ones.
+
+    Returns
+    -------
+    tuple of Reaction
+        One for each face: ``replace(scene, reactions=...)``.
+
+    Raises
+    ------
+    InputError
+        If a number or a block is wrong, or the soil reaches no face.
+
+    Example
+    -------
+    A wall of 2 m by 1 m with soil up to its top on both sides: 1.5 x 18 x 2^2 / 2 x 1 each
+
+    >>> from cvxlimit.masonry import stack
+    >>> wall = stack(1, size=(0.8, 1.0, 2.0))
+    >>> [(r.direction[0], r.most) for r in passive(wall, 2.0, 18.0, 1.5)]
+    [(1.0, 54.0), (-1.0, 54.0)]
+    """
+    gamma = positive(unit_weight, "unit_weight") * positive(coefficient, "coefficient")
+    up = _up(scene)
+    axis, only = _horizontal(along, up), set(_chosen(scene, blocks))
+    found = []
+    for i in scene.free.tolist():
+        block = scene.blocks[i]
+        for indices in block.faces if block.id in only else ():
+            corners = block.vertices[list(indices)]
+            normal = unit(polygon_vectors(corners))
+            side = float(normal @ axis)
+            if abs(side) <= 1e-9 or float(normal @ up) <= OVERHANGING:
+                continue
+            for part in _bare(scene, i, corners, normal):
+                points, areas = pressed(fan(part, [range(len(part))])[0], level * up, -up)
+                sizes = gamma * (level - points @ up) * np.abs(areas @ axis)
+                most = float(sizes.sum())
+                if most > 0.0:
+                    at = (sizes @ points / most).tolist()
+                    way = (-np.sign(side) * axis + 0.0).tolist()
+                    found.append(Reaction(block.id, tuple(at), tuple(way), most))
+    if not found:
+        raise InputError(
+            f"soil up to level {level:g} reaches no bare face that looks along the axis "
+            f"{np.round(axis, 6).tolist()}: give a higher level, or turn the axis"
+        )
+    return tuple(found)
