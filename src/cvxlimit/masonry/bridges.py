@@ -104,7 +104,9 @@ class Arch:
         points = np.stack([np.interp(at, along, x) for x in fine.T], axis=1)
         # tangents of smooth shapes from the fine points; of measured ones the chords' mean
         if self.points is None:
-            tangent = np.stack([np.interp(at, along, np.gradient(x, along, edge_order=2)) for x in fine.T], axis=1)
+            tangent = np.stack(
+                [np.interp(at, along, np.gradient(x, along, edge_order=2)) for x in fine.T], axis=1
+            )
         else:
             tangent = np.gradient(points, at, axis=0)
         normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
@@ -254,7 +256,9 @@ def bridge(
     for k, (one, other) in enumerate(pairwise(joints)):
         blocks += _pier(f"p{k + 1}", one[-1], other[0], shafts[k], pier_courses, sides, weight)
     blocks += _abutments(joints[0][0], joints[-1][-1], deep, abutments, sides, weight)
-    between_rings = friction if ring_friction is None else not_negative(ring_friction, "ring_friction")
+    between_rings = (
+        friction if ring_friction is None else not_negative(ring_friction, "ring_friction")
+    )
     scene = Scene(
         tuple(blocks),
         tuple(block.id for block in blocks if block.density is None),
