@@ -51,6 +51,8 @@ from cvxlimit.scene.loads import PointForce as PointForce
 from cvxlimit.scene.pressures import Pressure as Pressure
 from cvxlimit.scene.reactions import Reaction as Reaction
 from cvxlimit.scene.reactions import Tie as Tie
+from cvxlimit.scene.resisting import passive as passive
+from cvxlimit.scene.roads import Road as Road
 from cvxlimit.scene.settling import SupportMotion as SupportMotion
 from cvxlimit.scene.surroundings import earth_pressure as earth_pressure
 from cvxlimit.scene.surroundings import fill as fill
@@ -62,5 +64,7 @@ from cvxlimit.solution import Member as Member
 from cvxlimit.solution import Solution as Solution
 from cvxlimit.solution import Status as Status
 from cvxlimit.solution.bracket import Certificate as Certificate
+from cvxlimit.studies.envelopes import Vehicle as Vehicle
+from cvxlimit.studies.envelopes import envelope as envelope
 from cvxlimit.studies.proving import prove as prove
 from cvxlimit.studies.sweeping import sweep as sweep

@@ -1,8 +1,8 @@
 """Arch bridges in the words of assessors: spans, rises, rings, piers, cover, fill.
 
-The plane of a bridge is (x, z), its width goes along y; springings of all spans are at z = 0, and the
-first span begins at x = 0. An intrados is cut into chords of equal length, joints stand at right
-angles on it, and rings lie on each other along them, so that debonded rings fit exactly.
+The plane of a bridge is (x, z), its width goes along y; springings of all spans are at z = 0, and
+the first span begins at x = 0. An intrados is cut into chords of equal length, joints stand at
+right angles on it, and rings lie on each other along them, so that debonded rings fit exactly.
 """
 
 from __future__ import annotations
@@ -88,9 +88,10 @@ class Arch:
             )
         if self.shape in ("segment", "three-centred") and rise > 0.5 * span * (1.0 + 1e-9):
             raise InputError(
-                f"a {self.shape} arch rises by at most half its span, {0.5 * span:g}, got {rise:g}: "
-                "an ellipse or a parabola may rise more"
+                f"a {self.shape} arch rises by at most half its span, {0.5 * span:g}, got "
+                f"{rise:g}: an ellipse or a parabola may rise more"
             )
+        self.intrados()  # refuses what its shape cannot be
 
     def intrados(self) -> tuple[FloatArray, FloatArray]:
         """Points (voussoirs + 1, 2) that cut the intrados into equal lengths, and its outward unit
@@ -108,7 +109,7 @@ class Arch:
                 [np.interp(at, along, np.gradient(x, along, edge_order=2)) for x in fine.T], axis=1
             )
         else:
-            tangent = np.gradient(points, at, axis=0)
+            tangent = np.gradient(points, at, axis=0, edge_order=2)
         normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
         return points, normal / np.linalg.norm(normal, axis=1)[:, None]
 
@@ -148,8 +149,8 @@ def _three_centred(span: float, rise: float) -> FloatArray:
     if not small > 0.0:
         least = half * (1.0 - c) / s
         raise InputError(
-            f"a three-centred arch over {span:g} rises by more than {least:.3g}, got {rise:g}: take "
-            "a segment"
+            f"a three-centred arch over {span:g} rises by more than {least:.3g}, got {rise:g}: "
+            "take a segment"
         )
     first = np.linspace(np.pi, np.pi / 2.0 + turn, _FINE // 3 + 1)
     middle = np.linspace(np.pi / 2.0 + turn, np.pi / 2.0 - turn, _FINE // 3 + 1)
@@ -239,7 +240,8 @@ def bridge(
     sides = (0.0, broad)
     # springings of all spans, one after the other, and their joints
     starts = np.cumsum([0.0, *(a.span + p[0] for a, p in zip(every[:-1], shafts, strict=True))])
-    joints = [arch.joints(deep, number) + [x, 0.0] for arch, x in zip(every, starts, strict=True)]
+    places = zip(every, starts.tolist(), strict=True)
+    joints = [arch.joints(deep, number) + np.array([x, 0.0]) for arch, x in places]
     blocks, pairs = list[Block](), list[tuple[str, str]]()
     for k, corners in enumerate(joints):
         prefix = f"s{k + 1}." if len(every) > 1 else ""
@@ -275,7 +277,7 @@ def bridge(
     return scene.with_dead(replace(GRAVITY, points=fill_on(scene, level, fill)))
 
 
-def _of_piers(piers: object, wanted: int) -> list[tuple[float, float]]:
+def _of_piers(piers: ArrayLike, wanted: int) -> list[tuple[float, float]]:
     given = np.atleast_2d(np.array(piers, dtype=float)) if np.size(piers) else np.zeros((0, 2))
     if len(given) == 1 and wanted > 1:
         given = np.repeat(given, wanted, axis=0)
@@ -304,7 +306,7 @@ def _pier(
             f"pier {id!r} of width {wide:g} is too narrow for the springings on both sides of it, "
             f"which need {need:.4g}: make it wider, or the rings thinner"
         )
-    levels = np.linspace(-high, 0.0, count(pier_courses := courses, "pier_courses") + 1)
+    levels = np.linspace(-high, 0.0, count(courses, "pier_courses") + 1)
     yield Block.box(f"{id}.ground", (x0, sides[0], -high - wide), (x1, sides[1], -high))
     for i, (low, top) in enumerate(pairwise(levels.tolist()), start=1):
         yield Block.box(f"{id}.{i}", (x0, sides[0], low), (x1, sides[1], top), density)

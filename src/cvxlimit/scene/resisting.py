@@ -7,6 +7,7 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import fan, polygon_vectors, unit
@@ -14,6 +15,12 @@ from cvxlimit.scene.pressures import pressed
 from cvxlimit.scene.reactions import Reaction
 from cvxlimit.scene.scene import Scene
 from cvxlimit.scene.surroundings import _bare, _chosen, _horizontal, _up
+
+FACED = 1e-6
+"""Distance, as a share of a block's size, beyond which a block faces another: nearer is itself."""
+
+BESIDE = 1e-3
+"""Distance from a face, as a share of a block's thickness, at which soil beside it begins."""
 
 OVERHANGING = np.cos(np.radians(100.0))
 """Faces that look down by more than 10 degrees, as those of an intrados, have no soil on them."""
@@ -29,11 +36,15 @@ def passive(
 ) -> tuple[Reaction, ...]:
     """Soil that pushes back: on every face that it covers at most K x unit weight x depth, level.
 
-    It pushes along the horizontal axis ``along``, against the outward side of each face, with any
-    force from nothing up to K gamma z dh w, on a face of projected height dh and width w at the
-    depth z: where equilibrium needs it. The force acts at the centre of that pressure. Soil that
-    resists needs movement, so that K is the passive coefficient times the share of it that is
-    mobilised: 0.5 of 3.0, for 30 degrees, is 1.5. Its weight is :func:`cvxlimit.fill`.
+    It covers faces over which nothing hangs, so not the piers below an arch. It pushes along the
+    horizontal axis ``along``, against the outward side of each face, with any force from nothing up
+    to K gamma z dh w, on a face of projected height dh and width w at the depth z: where
+    equilibrium needs it. The force acts at the centre of that pressure. Soil that resists needs
+    movement, so that K is the passive coefficient times the share of it that is mobilised: 0.5 of
+    3.0, for 30 degrees, is 1.5. Its weight is :func:`cvxlimit.fill`.
+
+    Where another free block faces the first across the soil, as the next span does over a pier, it
+    pushes on both, by no more than on the face that looks along the axis; else the ground takes it.
 
     Parameters
     ----------
@@ -69,6 +80,11 @@ def passive(
     gamma = positive(unit_weight, "unit_weight") * positive(coefficient, "coefficient")
     up = _up(scene)
     axis, only = _horizontal(along, up), set(_chosen(scene, blocks))
+    pieces = [fan(block.vertices, block.faces)[0] for block in scene.blocks]
+    triangles, owner = (
+        np.concatenate(pieces),
+        np.repeat(np.arange(len(pieces)), [*map(len, pieces)]),
+    )
     found = []
     for i in scene.free.tolist():
         block = scene.blocks[i]
@@ -84,11 +100,41 @@ def passive(
                 most = float(sizes.sum())
                 if most > 0.0:
                     at = (sizes @ points / most).tolist()
-                    way = (-np.sign(side) * axis + 0.0).tolist()
-                    found.append(Reaction(block.id, tuple(at), tuple(way), most))
+                    out, place = np.sign(side) * axis, np.array(at)
+                    beside = place + BESIDE * block.thickness * out
+                    if _faced(beside, up, triangles, owner, i) is not None:
+                        continue  # under an arch: no soil reaches up from here to its level
+                    other = _faced(place, out, triangles, owner, i)
+                    if other is None or scene.blocks[other].id in scene.supports:
+                        found.append(Reaction(block.id, tuple(at), tuple(-out + 0.0), most))
+                    elif side > 0.0:  # once for both
+                        on = scene.blocks[other].id
+                        found.append(Reaction(block.id, tuple(at), tuple(-out + 0.0), most, on=on))
     if not found:
         raise InputError(
             f"soil up to level {level:g} reaches no bare face that looks along the axis "
             f"{np.round(axis, 6).tolist()}: give a higher level, or turn the axis"
         )
     return tuple(found)
+
+
+def _faced(
+    at: FloatArray, way: FloatArray, triangles: FloatArray, owner: IntArray, own: int
+) -> int | None:
+    """The block that a ray meets first, but for the one that it begins on; None if it meets none.
+    ``triangles`` (t, 3, 3) are those of blocks ``owner`` (t,)."""
+    others = owner != own
+    first, one, two = np.moveaxis(triangles[others], 1, 0)
+    u, v = one - first, two - first
+    across = np.cross(way, v)
+    size = np.einsum("ij,ij->i", u, across)
+    size = np.where(size == 0.0, np.inf, size)  # along the ray: met at no distance
+    off = at - first
+    turned = np.cross(off, u)
+    a, b = np.einsum("ij,ij->i", off, across) / size, turned @ way / size
+    distance = np.einsum("ij,ij->i", v, turned) / size
+    hits = (a >= 0.0) & (b >= 0.0) & (a + b <= 1.0)
+    hits &= distance > FACED * float(np.ptp(triangles[~others]))
+    if not hits.any():
+        return None
+    return int(owner[others][hits][distance[hits].argmin()])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,8 +42,8 @@ class RoadLoad:
 class Road:
     """A level road over the free blocks of a scene, and the fill between.
 
-    Loads go through the fill onto the faces that look up, spread along the axis ``along``; across it
-    they are even over the width. A face's share is what the spread load has over it.
+    Loads go through the fill onto the faces that look up, spread along the axis ``along``; across
+    it they are even over the width. A face's share is what the spread load has over it.
 
     Attributes
     ----------
@@ -90,7 +91,7 @@ class Road:
             triangles = fan(face.corners, [range(len(face.corners))])[0]
             reach = face.corners @ axis
             ends = np.linspace(reach.min(), reach.max(), _STRIPS + 1)
-            for low, high in zip(ends[:-1], ends[1:], strict=True):
+            for low, high in pairwise(ends.tolist()):
                 strip = cut_off(triangles, triangles @ axis - low)
                 strip = cut_off(strip, high - strip @ axis)
                 points, areas = pressed(strip)
@@ -113,8 +114,8 @@ class Road:
     def load(
         self, at: float, force: float, length: float = 0.3, spread: float | str = 0.5
     ) -> RoadLoad:
-        """Returns a load of ``force``, downwards, whose middle is at the place ``at`` along the axis
-        (from the origin) and that is ``length`` long on the road.
+        """Returns a load of ``force``, downwards, with its middle at the place ``at`` along the
+        axis (from the origin), ``length`` long on the road.
 
         ``spread`` is by how much it grows on either side per depth, 0.5 for 1 in 2, or
         ``"boussinesq"``: as in an elastic half-space, cut off at 30 degrees.
@@ -159,6 +160,13 @@ class Road:
                 where = own @ centres / sum_of
                 points.append(PointForce(name, tuple(where.tolist()), tuple(-sum_of * up + 0.0)))
         return RoadLoad(tuple(points), total * beside / whole)
+
+    def reaches(self, at: float, length: float = 0.3, spread: float | str = 0.5) -> bool:
+        """True if some of a load at this place comes down on a block."""
+        _, _, centres, place, size, _ = self._cells
+        up = -np.array(self.scene.dead.gravity or (0.0, 0.0, -1.0))
+        depth = np.maximum(self.level - centres @ up, 0.0)
+        return bool(self._share(place - at, size, depth, length, spread).any())
 
     @staticmethod
     def _share(

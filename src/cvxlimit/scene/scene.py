@@ -421,6 +421,7 @@ class Scene(RemadeFromFields, SceneJoints):
 
 
 _SHAPES = frozenset({"blocks", "supports"})
+_JOINTS = frozenset(name for what in PROPERTIES for name in (what, f"contact_{what}"))
 _FOLLOW_FROM: dict[str, frozenset[str]] = {
     "_detection": frozenset(),
     "_given_contacts": frozenset(),
@@ -428,6 +429,7 @@ _FOLLOW_FROM: dict[str, frozenset[str]] = {
     "free": _SHAPES,
     "dead_forces": _SHAPES | {"dead"},
     "live_forces": _SHAPES | {"live"},
+    "contacts": _SHAPES | {"joint_tolerance", "ties", "reactions"} | _JOINTS,
 }
 """What a copy keeps, unless one of these is changed."""
 
