@@ -19,7 +19,6 @@ from cvxlimit import (
     Scene,
     Status,
     SupportMotion,
-    Tie,
     Units,
     builtin_scene,
     settlement,
@@ -28,7 +27,7 @@ from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io import read_result, write_scene
-from cvxlimit.methods.settlement import Reaction
+from cvxlimit.methods.settlement import SupportReaction
 from cvxlimit.plotting import plot
 from cvxlimit.plotting.look import title
 from helpers import renumbered, rotations
@@ -147,12 +146,6 @@ def test_refusals() -> None:
         settlement(scene.with_strength(compressive=1e3), "p1", DOWN)
 
 
-def test_no_ties() -> None:
-    tie = Tie("p0", "beam", (0, 0.5, 0), (0, 0.5, 0.1), 1.0)
-    with pytest.raises(ModelError, match="settlement knows no ties"):
-        settlement(replace(beam_on_three(), ties=(tie,)), "p1", DOWN)
-
-
 class TestCommandLine:
     @pytest.mark.exhaustive
     def test_spreading_springing_with_file_and_picture(self, tmp_path: Path) -> None:
@@ -211,7 +204,7 @@ class TestCommandLine:
 class TestSeveralTogether:
     """A beam of length 2 and weight 4 on three piers of 0.2 m; arches between abutments."""
 
-    def check(self, reaction: Reaction, expected: float) -> None:
+    def check(self, reaction: SupportReaction, expected: float) -> None:
         assert reaction.solution.status is Status.CERTIFIED
         assert reaction.value == pytest.approx(expected, rel=1e-6, abs=1e-6)
         assert reaction.bracket.is_within(1e-4)

@@ -25,7 +25,7 @@ SURFACES: dict[str, Any] = {
 SCENES = {
     "cohesion": lambda scene: scene.with_cohesion(1.0),
     "strength": lambda scene: scene.with_strength(compressive=1e3),
-    "ties": lambda scene: scene._copy(
+    "reactions": lambda scene: scene._copy(
         ties=(Tie("ground", "b1", (-0.5, 0.2, 0.5), (0.0, 0.2, 0.5), 1.0),)
     ),
 }

@@ -159,7 +159,7 @@ class TestConnections:
         scene = self.hung(cube("held", z=4.5), cube("stone"), cube("low", z=-3.0), ties=[tie])
         solution = solve(scene)
         assert solution.status is Status.DEAD_LOAD_UNSTABLE
-        assert "'stone'" in solution.note or "'low'" in solution.note
+        assert any(f"{name!r} falls" in solution.note for name in ("held", "stone", "low"))
 
     def test_contacts_are_not_shared_where_other_blocks_are_tied(self) -> None:
         scene = self.hung(cube("stone"), ties=[Tie("stone", "rock", (0, 0, 0.5), (0, 0, 5), 25.0)])
@@ -220,7 +220,7 @@ def test_refusals() -> None:
 @pytest.mark.parametrize("interaction", ["fixed-point", "certified"])
 def test_interaction_names_them(interaction: str) -> None:
     """Not their strength, which the scene does not state."""
-    with pytest.raises(ModelError, match="knows no ties: leave ties out of the scene"):
+    with pytest.raises(ModelError, match="knows no ties and no reactions"):
         solve(tied_block(4.0), method=interaction)
 
 

@@ -34,7 +34,13 @@ CARRIES = 1e-6
 little mean anything."""
 
 
-_PER_CONTACT = (*PROPERTIES, "lumped", "turned")
+_PER_CONTACT = (*PROPERTIES, "lumped", "turned", "least", "most", "sense")
+
+
+_OF_GEOMETRY = (
+    "corner_contact", "corner_points", "is_rectangle", "is_point", "faces", "torsion_arm", "edges",
+)  # fmt: skip
+"""Properties that do not depend on strengths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +88,8 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         gives NaN there (CVXPY then says "Problem data contains NaN or Inf"): ask ``is_rectangle``
         first, or take ``area``, ``corner_xy`` and ``torsion_arm``, which all contacts have.
     area : (n,)
+        Of points, which have none, the square of a length of the scene's, by which twists count
+        beside slips.
     friction, cohesion, compressive_strength, tensile_strength : (n,)
         See :class:`~cvxlimit.geometry.strengths.JointValues`; a number is that of all contacts.
     pieces : mapping of int to tuple of (k, 2) arrays
@@ -90,6 +98,9 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     lumped : (n,) integers, turned : (n,)
         How many of the blocks' faces do not lie in the contact's plane and are taken as if they
         did, and the largest angle (radians) by which they are turned from it; 0 for exact ones.
+    least, most : (n,), sense : (n,)
+        Of contacts that are points (``is_point``: reactions and ties), which bear nothing else:
+        ``least <= sense * N <= most``; sense is -1.0 for ties, which pull, else 1.0.
     """
 
     names: tuple[str, ...]
@@ -105,6 +116,9 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     pieces: Mapping[int, tuple[FloatArray, ...]] = field(default_factory=dict)
     lumped: IntArray = 0  # type: ignore[assignment]  # as for friction, that of all contacts
     turned: FloatArray = 0.0  # type: ignore[assignment]
+    least: FloatArray = 0.0  # type: ignore[assignment]
+    most: FloatArray = float("inf")  # type: ignore[assignment]
+    sense: FloatArray = 1.0  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -220,7 +234,22 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     @cached_property
     def typical_size(self) -> float:
         """Median root of the areas: the unit of length of all that is measured against contacts."""
-        return float(np.median(np.sqrt(self.area)))
+        return float(np.median(np.sqrt(self.area[self.faces] if len(self.faces) else self.area)))
+
+    @property
+    def extent(self) -> float:
+        """Largest side of the box about all corners, at least :attr:`typical_size`."""
+        return max(float(np.ptp(self.corner_points, axis=0).max()), self.typical_size)
+
+    @cached_property
+    def is_point(self) -> NDArray[np.bool_]:
+        """True for reactions, (n,): they have one corner, no area, and bear compression alone."""
+        return np.asarray(np.diff(self.corner_start) == 1)
+
+    @cached_property
+    def faces(self) -> IntArray:
+        """All contacts that are no points, (k,)."""
+        return np.flatnonzero(~self.is_point)
 
     @cached_property
     def is_rectangle(self) -> NDArray[np.bool_]:
@@ -231,10 +260,11 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def torsion_arm(self) -> FloatArray:
         """c_T (n,) of Eq. 16: mean distance of the contact's points from its centre.
 
-        Over the contact itself, not over its hull.
+        Over the contact itself, not over its hull; of points the root of their area.
         """
         arm = torsion_arm(self.sides[:, 0], self.sides[:, 1])
-        for j in np.flatnonzero(~self.is_rectangle).tolist():
+        arm[self.is_point] = np.sqrt(self.area[self.is_point])
+        for j in np.flatnonzero(~(self.is_rectangle | self.is_point)).tolist():
             arm[j] = mean_distance_over(self.pieces_of(j), (0.0, 0.0))
         return arm
 
@@ -242,14 +272,19 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def edges(self) -> tuple[IntArray, FloatArray, FloatArray]:
         """Inner sides of all polygon edges: contact (m,), unit inward normal (m, 2), offset (m,).
 
-        A point e of contact j is inside when ``normal @ e + offset >= 0`` for its edges.
+        A point e of contact j is inside when ``normal @ e + offset >= 0`` for its edges. Contacts
+        that are points have none.
         """
         following = np.arange(1, len(self.corner_xy) + 1)
         following[self.corner_start[1:] - 1] = self.corner_start[:-1]
         along = self.corner_xy[following] - self.corner_xy
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        contact, corner = self.corner_contact, self.corner_xy
+        if self.is_point.any():
+            has_edges = ~self.is_point[contact]
+            contact, corner, inward = contact[has_edges], corner[has_edges], inward[has_edges]
         inward /= np.linalg.norm(inward, axis=1)[:, None]
-        return self.corner_contact, inward, -(inward * self.corner_xy).sum(axis=1)
+        return contact, inward, -(inward * corner).sum(axis=1)
 
     def take(self, rows: IntArray) -> Contacts:
         """Some of the contacts, in the order of ``rows`` (k,)."""
@@ -291,7 +326,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         [0.3]
         """
         result = replace(self, **values)  # type: ignore[arg-type]
-        for name in ("corner_contact", "corner_points", "is_rectangle", "torsion_arm", "edges"):
+        for name in _OF_GEOMETRY:
             if name in self.__dict__:  # what follows from the geometry is kept
                 result.__dict__[name] = self.__dict__[name]
         return result

@@ -42,8 +42,8 @@ from cvxlimit.io.forms import (
 from cvxlimit.scene import Scene, Units, check_scene
 from cvxlimit.scene.loads import GrowingAcceleration, Load, PointForce
 from cvxlimit.scene.pressures import Pressure
+from cvxlimit.scene.reactions import Reaction, Tie
 from cvxlimit.scene.settling import SupportMotion
-from cvxlimit.scene.ties import Tie
 
 AXES = ("x", "y", "z")
 POINT = row(AXES)
@@ -144,6 +144,23 @@ TIE = record(
     },
 )
 
+UNLIMITED = Form(
+    lambda value, where, _: math.inf if value == "inf" else number(value, where),
+    lambda value, where, _: "inf" if value == math.inf else number(value, where),
+    {"anyOf": [NUMBER.schema, {"const": "inf"}]},
+)
+
+REACTION = record(
+    Reaction,
+    {
+        "block": Key(TEXT),
+        "at": Key(POINT, "'at' of {owner}"),
+        "direction": Key(POINT),
+        "most": Key(UNLIMITED),
+        "least": Key(NUMBER),
+        "on": Key(TEXT),
+    },
+)
 
 MOTION = record(
     SupportMotion,
@@ -153,11 +170,6 @@ MOTION = record(
     },
 )
 
-UNLIMITED = Form(
-    lambda value, where, _: math.inf if value == "inf" else number(value, where),
-    lambda value, where, _: "inf" if value == math.inf else number(value, where),
-    {"anyOf": [NUMBER.schema, {"const": "inf"}]},
-)
 VALUES = {
     what: UNLIMITED if each.default == math.inf else NUMBER for what, each in PROPERTIES.items()
 }
@@ -273,6 +285,7 @@ SCENE: Document[Scene] = Document(
             **{what: Key(form, is_needed=what == "friction") for what, form in VALUES.items()},
             "joint_tolerance": Key(TOLERANCE, "{key}"),
             "ties": Key(listed(TIE), "{key}"),
+            "reactions": Key(listed(REACTION), "{key}"),
             "settling": Key(listed(MOTION), "{key}"),
             "contacts": Key(CONTACTS, "{key}", is_needed=False, is_several=True),
             "loads": Key(LOADS, "{key}", is_needed=True, is_several=True),

@@ -23,7 +23,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
-from cvxlimit.model.mortar import Mortar
+from cvxlimit.model.mortar import Mortar, is_needed
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.readings.moments import INDEPENDENT, Moments
 from cvxlimit.scene import Scene, check_scene
@@ -87,7 +87,7 @@ class Run:
         Those of the scene as it was given.
     mortar : Mortar or None
         What makes forces of the scene as it was given from those of :attr:`scene`; None without
-        tensile strength.
+        tensile strength and least reactions.
     repeats : Repeats or None
         What the run shares with others of the same geometry.
     surfaces : tuple of YieldSurface, surface : str
@@ -157,8 +157,7 @@ class Run:
         with self.clock.phase("compile"):
             self.assemblage = as_given = Assemblage.of(scene)
             self.given, self.repeats = as_given.scene, as_given.repeats
-            has_tension = np.any(self.contacts.tensile_strength)
-            self.mortar = Mortar.of(self.given) if has_tension else None
+            self.mortar = Mortar.of(self.given) if is_needed(self.contacts) else None
             if self.mortar is not None:
                 scaling = as_given.scaling if as_given is scene else None
                 self.assemblage = Assemblage.of(self.mortar.scene, scaling)

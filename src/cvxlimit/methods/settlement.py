@@ -43,7 +43,7 @@ _LEAST, _LARGEST = "least", "largest"
 
 
 @dataclass(frozen=True, eq=False)
-class Reaction:
+class SupportReaction:
     """What moving supports carry.
 
     Attributes
@@ -76,7 +76,7 @@ def settlement(
     *,
     rotation: ArrayLike = (0.0, 0.0, 0.0),
     about: ArrayLike | None = None,
-) -> Reaction:
+) -> SupportReaction:
     """Least or largest reaction of supports that move in a given way, under the dead load.
 
     They are taken as blocks that a guide lets move in this way only, all by the same amount. The
@@ -104,7 +104,7 @@ def settlement(
     InputError
         If there is no such support, or no motion.
     ModelError
-        For ties and contacts with strengths.
+        For contacts with strengths, and reactions that push at least so much.
 
     Example
     -------
@@ -126,7 +126,7 @@ def settlement(
         raise ModelError(f"which must be least or largest, got {which!r}")
     motions = _motions(scene, support, direction, rotation, about)
     run, method = Run(scene, surface, progress=progress), Convex(tolerance)
-    check("settlement", run, ("cohesion",))
+    check("settlement", run, ("cohesion", "reactions"))
     search = ConvexSearch(run, "full")
     falls = search.dead_load_is_unstable()
     state = None if falls else search.certifier.witnesses.dead_state
@@ -137,7 +137,7 @@ def settlement(
             run.remarks = ["with all supports in place, whether the dead load stands is open"]
         status = Status.DEAD_LOAD_UNSTABLE if falls else Status.NOT_CERTIFIED
         solution = replace(packed(method, run, status), quantity=quantity)
-        return Reaction(None, solution.bracket, solution)
+        return SupportReaction(None, solution.bracket, solution)
     sign = 1.0 if which == _LEAST else -1.0
     guided, rates, possible = _guided(scene, motions, sign, state)
     solution = drive(method, Run(guided, surface, progress=progress))
@@ -170,7 +170,7 @@ def _motions(
 
 def _reaction(
     solution: Solution, motion: Mapping[str, FloatArray], possible: float, sign: float
-) -> Reaction:
+) -> SupportReaction:
     """Returns the reaction that the limit problem's solution stands for, R = R0 - s alpha, with its
     bracket turned round accordingly, and the rates of the moving supports in the mechanism."""
     found = solution.bracket
@@ -187,7 +187,7 @@ def _reaction(
         by /= sum(float(way @ way) for way in motion.values())
         rates |= {name: by * way for name, way in motion.items()}
         solution = replace(solution, mechanism=rates)
-    return Reaction(value, bracket, replace(solution, load_factor=value, bracket=bracket))
+    return SupportReaction(value, bracket, replace(solution, load_factor=value, bracket=bracket))
 
 
 def _guided(

@@ -56,7 +56,10 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
             lambda run: run.formulation is not corner_compressions,
             "brings its own formulation: leave formulation out",
         ),
-        "ties": (lambda run: run.scene.ties, "knows no ties: leave ties out of the scene"),
+        "reactions": (
+            lambda run: run.contacts.is_point.any(),
+            "knows no ties and no reactions, which have no pressure centre: leave them out",
+        ),
         "cohesion": (
             lambda run: np.any(run.given.contacts.cohesion),
             "has no cohesion: take it out of the scene",
@@ -71,7 +74,7 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
 """What not every method takes: how it is seen, and what is said where it is not taken."""
 
 _EVERY = ("conic", "facets", "parabolic", "own")
-_JOINTS = ("ties", "cohesion", "strength")
+_JOINTS = ("reactions", "cohesion", "strength")
 
 _ROWS = (
     Row(Convex(), _EVERY, ("formulation", *_JOINTS), reduces=True),

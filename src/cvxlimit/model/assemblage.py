@@ -127,9 +127,9 @@ class Balance:
         square = weighted @ self.transposed
         if self.statics.guide is not None:  # rates that guides prevent: any value will do
             square = square + (sp.eye_array(square.shape[0]) - self.statics.guide)
-        if self.held is not None:  # ways to move that nothing resists; no load does work on them
-            # against motions that nothing resists: a step leaves as much of the residual, and
-            # balances take two
+        if self.held is not None or len(self.statics.contacts.faces) < len(self.statics.contacts):
+            # ways to move that nothing resists, as blocks that hang on ties have; no load does work
+            # on them: a step leaves as much of the residual, and balances take two
             idle = BALANCED * float(square.diagonal().max())
             square = square + idle * sp.eye_array(square.shape[0])
         free = int(self.statics.row_of_block.max()) + 1

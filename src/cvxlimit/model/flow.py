@@ -43,11 +43,13 @@ from scipy.sparse.linalg import splu
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
+from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.solvers import clarabel_at, run
-from cvxlimit.surfaces.base import LinearForm, YieldSurface, express, number
+from cvxlimit.surfaces.base import CONSTANT, LinearForm, YieldSurface, express, number
 from cvxlimit.surfaces.cones import Cone
+from cvxlimit.surfaces.coulomb import Bounds, with_bounds
 
 _TIGHT = 1e-11
 """Tolerance of proposed flows: where strength is far above the forces, dissipation is a small
@@ -187,7 +189,7 @@ class FlowRule(StrengthRows):
 
     def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel | Contacts) -> None:
         own = corner_compressions(model) if isinstance(model, Contacts) else model
-        super().__init__(surfaces, own)
+        super().__init__([s for s in surfaces if s.name != Bounds.name], own)
         # Internal forces of either kind, by number, and what each compression adds to its contact's
         # N: a uniform opening of the contact is that much along it.
         self._signed = np.flatnonzero(~self.model.nonneg)
@@ -197,6 +199,18 @@ class FlowRule(StrengthRows):
         self._normal_per_unit = per_unit[self._compressions]
         size = self.model.contacts.typical_size
         self._length = np.where(self.model.is_moment[self._signed], size, 1.0)
+        # Compressions that are bounded above resist any rate: at their bound where it closes them.
+        most = np.full(len(own.contacts), np.inf)
+        for surface in with_bounds(surfaces, own.contacts):
+            for condition in (
+                surface.conditions(own.contacts) if surface.name == Bounds.name else ()
+            ):
+                most[condition.contact] = number(condition.resistance.get(CONSTANT, 0.0))
+        most = most[own.contact[self._compressions]]
+        self._bounded = np.flatnonzero(np.isfinite(most))
+        self._most = most[self._bounded]
+        # So do rectangles that crush, where no conditions of the model's own say so.
+        self._crushing = None if own.conditions else EffectiveRectangles.of(own.contacts)
         # Norm rows of conditions whose resistance grows with forces of any sign are coupled. Their
         # multipliers change rates that must agree exactly, so their flows are left as proposed and
         # the others make up for them.
@@ -301,10 +315,35 @@ class FlowRule(StrengthRows):
         np.add.at(by_contact, norms.contact, -norms.constant * flows)
         # The uniform opening of each contact that brings the rest along all compressions up to 0.
         missing = np.full(len(self.model.contacts), -np.inf)
-        contact = self.model.contact[self._compressions]
-        np.maximum.at(missing, contact, -rest[self._compressions] / self._normal_per_unit)
+        contact, opening = self.model.contact[self._compressions], rest[self._compressions]
+        bounded = self._bounded
+        np.add.at(by_contact, contact[bounded], self._most * np.maximum(-opening[bounded], 0.0))
+        lacks = -opening / self._normal_per_unit
+        lacks[bounded] = -np.inf
+        np.maximum.at(missing, contact, lacks)
+        if (crushing := self._crushing) is not None:
+            missing[crushing.rows] = -np.inf
+            by_contact[crushing.rows] += crushing.dissipation(*self._on_rectangles(opening))
         unresisted = -rest[self._signed] * self._length
         return Shortfall(missing, unresisted, float(by_contact.sum()), by_contact, multipliers)
+
+    def _on_rectangles(self, opening: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Returns openings at all compressions of the model as those in the middle of rectangles
+        that crush (k,), and their slopes (k, 2) along both sides."""
+        assert self._crushing is not None
+        contacts, rows = self.model.contacts, self._crushing.rows
+        contact = self.model.contact[self._compressions]
+        # a compression at (x, y) is N = 1, M1 = y, M2 = -x
+        place = self.model.resultant_map[:, self._compressions]
+        at = np.arange(len(contact))
+        x = -np.asarray(place[6 * contact + COLUMN["M2"], at])
+        y = np.asarray(place[6 * contact + COLUMN["M1"], at])
+
+        def summed(values: FloatArray) -> FloatArray:
+            return np.bincount(contact, values, len(contacts)).astype(float)[rows]
+
+        slope = [summed(v * opening) / summed(v * v) for v in (x, y)]
+        return summed(opening) / summed(np.ones(len(contact))), np.stack(slope, axis=1)
 
     def _least_multipliers(self, flows: FloatArray) -> FloatArray:
         """Returns the least multipliers (k,) that flows (q,) permit: the largest polar gauge of a

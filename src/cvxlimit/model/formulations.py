@@ -169,6 +169,9 @@ class ForceModel:
             for condition in stated(surface, self.contacts, names)
         ]
         written += [("formulation", condition, self.cone) for condition in self.conditions]
+        if len(faces := self.contacts.faces) < len(self.contacts):
+            written = [(name, on_faces(c, faces), cone) for name, c, cone in written]
+            written = [each for each in written if len(each[1].rows(0))]
         for _, condition, _ in written:
             rows = len(self.contacts if condition.contact is None else condition.contact)
             for name in chain.from_iterable(condition.forms()):
@@ -228,6 +231,22 @@ class _Forces(dict[str, Any]):
         return self[component]
 
 
+def on_faces(condition: Condition, faces: IntArray) -> Condition:
+    """Returns a condition without its rows at contacts that are points, which have none but
+    bounds."""
+    if condition.contact is not None:
+        return condition
+
+    def of(coefficient: Any) -> Any:
+        return coefficient if np.ndim(coefficient) == 0 else coefficient[faces]
+
+    def rows(form: LinearForm) -> LinearForm:
+        return {name: of(c) for name, c in form.items()}
+
+    norms = [Norm(*map(rows, n.rows), weight=of(n.weight)) for n in condition.norms]
+    return Condition(norms, rows(condition.resistance), faces)
+
+
 Formulation = Callable[[Contacts], ForceModel]
 
 Numbers = Mapping[str, float | FloatArray]
@@ -281,15 +300,15 @@ def corner_compressions(contacts: Contacts) -> ForceModel:
 
     Rocking (Eq. 9) holds by construction for any convex polygon. The fastest form measured.
     """
-    each = np.arange(len(contacts))
-    parts = [Part(c, {c: 1}, each) for c in ("V1", "V2", "MT")]
-    n = compressions_at(contacts.corner_contact, contacts.corner_xy)
+    parts = [Part(c, {c: 1}, contacts.faces) for c in ("V1", "V2", "MT")]
+    n = compressions_at(contacts, contacts.corner_contact, contacts.corner_xy)
     return ForceModel(contacts, [n, *parts])
 
 
-def compressions_at(contact: IntArray, at: FloatArray, name: str = "n") -> Part:
-    """A compression at each of some points (k, 2) of contacts (k,)."""
-    return Part(name, {"N": 1, "M1": at[:, 1], "M2": -at[:, 0]}, contact, nonneg=True)
+def compressions_at(contacts: Contacts, contact: IntArray, at: FloatArray, name: str = "n") -> Part:
+    """A compression at each of some points (k, 2) of contacts (k,); of ties a tension."""
+    normal = contacts.sense[contact] if contacts.is_point.any() else 1
+    return Part(name, {"N": normal, "M1": at[:, 1], "M2": -at[:, 0]}, contact, nonneg=True)
 
 
 def friction_at(contact: IntArray, at: FloatArray, resistance: LinearForm) -> tuple[Any, Condition]:
@@ -301,8 +320,8 @@ def friction_at(contact: IntArray, at: FloatArray, resistance: LinearForm) -> tu
 
 def resultants(contacts: Contacts) -> ForceModel:
     """The six components of Eq. 1 as variables; rocking is one row per contact edge."""
-    each = np.arange(len(contacts))
-    parts = [Part(c, {c: 1}, each) for c in COMPONENTS]
+    parts = [Part(c, {c: 1}, contacts.faces) for c in COMPONENTS if c != "N"]
+    parts.insert(2, Part("N", {"N": 1}, np.arange(len(contacts))))
     return ForceModel(contacts, parts, implied=frozenset())
 
 
@@ -320,13 +339,23 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
     >>> round(solve(scene, [Rocking()], formulation=vertex_forces).load_factor, 4)
     0.3642
     """
-    j = contacts.corner_contact
+    n = compressions_at(contacts, contacts.corner_contact, contacts.corner_xy)
+    at = np.flatnonzero(~contacts.is_point[n.contact])
+    j = n.contact[at]
+    # a part of the compressions: those of contacts that are points come with no friction
+    parts = (
+        [n] if len(at) == len(n.contact) else [compressions_at(contacts, j, contacts.corner_xy[at])]
+    )
     resistance: dict[str, Coefficient] = {"n": contacts.friction[j]}
     if is_some(contacts.cohesion):
         corners = np.diff(contacts.corner_start)
         resistance[CONSTANT] = product(contacts.cohesion, contacts.area / corners)[j]
-    parts, coulomb = friction_at(j, contacts.corner_xy, resistance)
-    return ForceModel(contacts, [compressions_at(j, contacts.corner_xy), *parts], [coulomb])
+    slips, coulomb = friction_at(j, contacts.corner_xy[at], resistance)
+    if len(at) < len(n.contact):
+        others = np.setdiff1d(np.arange(len(n.contact)), at)
+        own = compressions_at(contacts, n.contact[others], contacts.corner_xy[others], "reaction")
+        parts.append(own)
+    return ForceModel(contacts, [*parts, *slips], [coulomb])
 
 
 def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
@@ -334,22 +363,22 @@ def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
     l1, l2 = contacts.sides[weak].T
     most = product(contacts.compressive_strength, contacts.area)[weak]
     effective = [
-        _product("z", {"N": 1, "M2": i * 2.0 / l1}, {"N": 1, "M1": k * 2.0 / l2}, weak)
+        rotated("z", {"N": 1, "M2": i * 2.0 / l1}, {"N": 1, "M1": k * 2.0 / l2}, weak)
         for i in (-1, 1)
         for k in (-1, 1)
     ]
     conditions = [
         *model.conditions,
         *effective,
-        _product("N", {"z": 1}, {"s": 1}, weak),
-        _product("s", {"N": 1}, {CONSTANT: most}, weak),
+        rotated("N", {"z": 1}, {"s": 1}, weak),
+        rotated("s", {"N": 1}, {CONSTANT: most}, weak),
     ]
     parts = [*model.parts, Part("z", {}, weak), Part("s", {}, weak)]
     return replace(model, parts=parts, conditions=conditions)
 
 
-def _product(root: str, first: Numbers, second: Numbers, contact: IntArray) -> Condition:
-    """root^2 <= first x second."""
+def rotated(root: str, first: Numbers, second: Numbers, contact: IntArray) -> Condition:
+    """Returns the condition root^2 <= first x second: a rotated cone."""
     total, difference = (
         {key: first.get(key, 0.0) + sign * second.get(key, 0.0) for key in {**first, **second}}
         for sign in (1.0, -1.0)
@@ -382,6 +411,6 @@ def with_field(
     parts = [part for part in model.parts if part is not corner]
     if kept.any():
         parts.append(replace(corner, components=components, contact=corner.contact[kept]))
-    parts.append(compressions_at(j, points.xy, "p"))
+    parts.append(compressions_at(contacts, j, points.xy, "p"))
     limit = Condition([], {"p": -1, CONSTANT: most}, j)
     return replace(model, parts=parts, conditions=[*model.conditions, limit])

@@ -149,10 +149,10 @@ def _refuse_variables(what: str, value: Any) -> None:
 
 def _but_of_ties(scene: Scene, what: str, values: Any, dimensions: int) -> Any:
     """One number for all joints is none for ties, which have strengths of their own."""
-    if dimensions or not scene.ties:
+    is_tie = scene.contacts.is_point
+    if dimensions or not is_tie.any():
         return values
     own = np.array(getattr(scene.contacts, what))
-    is_tie = np.arange(len(own)) >= len(own) - len(scene.ties)
     if not isinstance(values, cp.Expression):
         return np.where(is_tie, own, values)
     return cp.multiply(values, ~is_tie) + np.where(is_tie, own, 0.0)

@@ -21,7 +21,8 @@ from cvxlimit.scene import Scene
 @dataclass(frozen=True, eq=False)
 class Mortar:
     """A scene without tension that stands for one with, and what its normal forces hide: N of the
-    original scene is N of ``scene`` less ``pull`` (n,).
+    original scene is N of ``scene`` less ``pull`` (n,). Reactions that push at least so much push
+    that much in its dead load, too.
 
     >>> from cvxlimit import builtin_scene
     >>> scene = builtin_scene("single-block").with_cohesion(1.0).with_strength(tensile=0.5)
@@ -37,7 +38,7 @@ class Mortar:
     def of(cls, scene: Scene) -> Mortar:
         contacts = scene.contacts
         tension = contacts.tensile_strength
-        if not np.any(tension):
+        if not is_needed(contacts):
             return cls(scene, np.zeros(len(contacts)))
         cohesion = contacts.cohesion - contacts.friction * tension
         # c = mu t is a fair choice
@@ -66,12 +67,20 @@ class Mortar:
         return result
 
 
+def is_needed(contacts: Contacts) -> bool:
+    """True if some contact bears tension, or pushes at least so much."""
+    return bool(np.any(contacts.tensile_strength) or np.any(contacts.least))
+
+
 def without_tension(contacts: Contacts) -> tuple[Contacts, FloatArray]:
-    """The contacts without tensile strength that stand for some with, and their ``pull`` (n,)."""
-    tension = contacts.tensile_strength
+    """The contacts without tensile strength, and without least reactions, that stand for some with,
+    and their ``pull`` (n,)."""
+    tension, least = contacts.tensile_strength, contacts.least
     pressed = contacts.with_values(
         cohesion=np.maximum(contacts.cohesion - contacts.friction * tension, 0.0),
         compressive_strength=contacts.compressive_strength + tension,
         tensile_strength=0.0,
+        least=0.0,
+        most=contacts.most - least,
     )
-    return pressed, tension * contacts.area
+    return pressed, tension * contacts.area - contacts.sense * least

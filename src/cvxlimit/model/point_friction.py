@@ -7,7 +7,7 @@ cell lies between. Both errors fall with the square of the cells' size.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,11 @@ class PointFriction:
 
     def points(self, contacts: Contacts) -> Points:
         count = np.broadcast_to(np.asarray(self.divisions, dtype=int), (len(contacts),))
-        return self.placing(contacts, count)
+        faces = contacts.faces
+        if len(faces) == len(contacts):
+            return self.placing(contacts, count)
+        points = self.placing(contacts.take(faces), count[faces])
+        return replace(points, contact=faces[points.contact])
 
     def __call__(self, contacts: Contacts) -> ForceModel:
         points = self.points(contacts)
@@ -54,7 +58,7 @@ class PointFriction:
         if is_some(contacts.cohesion):
             resistance[CONSTANT] = product(points.share * contacts.area[j], contacts.cohesion[j])
         parts, coulomb = friction_at(j, points.xy, resistance)
-        n = compressions_at(contacts.corner_contact, contacts.corner_xy)
+        n = compressions_at(contacts, contacts.corner_contact, contacts.corner_xy)
         return ForceModel(contacts, [n, *parts], [coulomb])
 
 

@@ -27,7 +27,7 @@ from cvxlimit.surfaces.base import (
     times,
 )
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import needed_surfaces
+from cvxlimit.surfaces.coulomb import needed_surfaces, with_bounds
 
 
 @dataclass(eq=False)
@@ -112,7 +112,8 @@ class Statement:
         repeats: Any,
     ) -> None:
         self.given, self.assemblage = given, given.assemblage
-        self.surfaces, self.formulation = needed_surfaces(surfaces), formulation
+        self.surfaces = with_bounds(needed_surfaces(surfaces), given.contacts)
+        self.formulation = formulation
         if reduction is not None and given.is_symbolic:
             raise ModelError("a problem with Parameters has no smaller model: leave reduction out")
         if reduction is None:

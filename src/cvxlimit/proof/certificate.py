@@ -295,18 +295,21 @@ class Certifier:
         if dead_state is None or not (is_balanced and self.is_balanced(dead_state, dead_factor)):
             return _Bound(assumed, False, errors)
 
-        # The least share t of the dead-load state that brings the mixture inside all surfaces.
-        share = 0.0
-        for y, y_dead in zip(excess, self.strength.excess(dead_state), strict=True):
-            beyond = np.maximum(y, 0.0)
-            share = max(share, float((beyond / (beyond - y_dead)).max()))
-        lower = alpha + share * (dead_factor - alpha)
+        # The least share t of the dead-load state that brings the mixture inside all surfaces. That
+        # of crushing is convex where rocking holds: it is asked again of that mixture.
+        dead_excess, lower = self.strength.excess(dead_state), alpha
+        for _ in range(1 if self.strength.crushing is None else 2):
+            share = 0.0
+            for y, y_dead in zip(self.strength.excess(x), dead_excess, strict=True):
+                beyond = np.maximum(y, 0.0)
+                share = max(share, float((beyond / (beyond - y_dead)).max()))
+            x, lower = x + share * (dead_state - x), lower + share * (dead_factor - lower)
 
         # Residuals of the mixture that count as rounding may carry some of the load factor: their
         # power in the mechanism, which is how fast the largest load factor changes with loads.
         hidden, live = 0.0, 0.0 if u is None else float(self.statics.live @ u.ravel())
         if u is not None and live > 0.0:
-            forces = self.strength.forces(x + share * (dead_state - x))
+            forces = self.strength.forces(x)
             unbalanced = block_sizes(self.statics.residual(forces, lower), self.size)
             unbalanced += EPSILON * self.statics.acting(forces, lower, self.size)
             hidden = float(unbalanced @ block_sizes(u, 1.0 / self.size)) / live

@@ -25,11 +25,11 @@ def glued(
     (free blocks, 6) moves apart by less than a ``share`` of its largest rate; the rates (bodies, 6)
     of each body's first block; and the contacts (k,) between bodies.
 
-    Returns None if nothing is glued, or everything to the supports, and for scenes with ties or
-    guides, which are no contacts.
+    Returns None if nothing is glued, or everything to the supports, and for guides, which are no
+    contacts.
     """
     statics = assemblage.statics
-    if statics.guide is not None or assemblage.scene.ties:
+    if statics.guide is not None:
         return None
     # the body of each block: 0 is that of the supports
     body = _bodies(statics, mechanism, share)
@@ -58,10 +58,10 @@ def without_idle(
     largest and without blocks that no contact touches any more, and the forces that are left.
 
     Returns None if no contact is left out, if some block would lack any support, as one that bears
-    a load would, and for scenes with ties or guides.
+    a load would, and for guides.
     """
     statics = assemblage.statics
-    if statics.guide is not None or assemblage.scene.ties:
+    if statics.guide is not None:
         return None
     contacts = statics.contacts
     reach = np.repeat([float(np.abs(contacts.corner_xy).max()), 1.0], 3)

@@ -23,6 +23,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import StrengthRows
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.strength import NOTHING, Strength
+from cvxlimit.surfaces.coulomb import bounded
 
 
 @dataclass(frozen=True)
@@ -217,7 +218,19 @@ class Witnesses:
         spread = np.append(force / around[:-1], np.inf)
         lighter = np.minimum(spread[number[contacts.a]], spread[number[contacts.b]])
         model = self._balance.model
-        return np.asarray(lighter[model.contact[model.nonneg]])
+        fair = np.asarray(lighter[model.contact[model.nonneg]])
+        most = self._most_compressions
+        return fair if most is None else np.minimum(fair, 0.5 * most)
+
+    @cached_property
+    def _most_compressions(self) -> FloatArray | None:
+        """The bounds of compressions where reactions have some, else infinite; None without any."""
+        model, at = self._balance.model, bounded(self.statics.contacts)
+        if not len(at):
+            return None
+        most = np.full(len(self.statics.contacts), np.inf)
+        most[at] = self.statics.contacts.most[at]
+        return np.asarray(most[model.contact[model.nonneg]])
 
     def _put_into_balance(self, z: FloatArray) -> FloatArray:
         """Returns internal forces with the least change that balances the dead load."""
@@ -232,6 +245,10 @@ class Witnesses:
         is_compression = model.nonneg
         pushed = z.copy()
         pushed[is_compression] = np.maximum(z[is_compression], compression)
+        if (most := self._most_compressions) is not None:  # of reactions, at least half of that
+            pushed[is_compression] = np.minimum(
+                pushed[is_compression], (1.0 - _SETTINGS.spare) * most
+            )
         without_shear = np.where(is_compression, pushed, 0.0)
         pushed, is_inside = self._moved_towards(without_shear, pushed)
         if is_inside:
@@ -260,15 +277,19 @@ class Witnesses:
         if self._rows is not None:
             return self._rows.excess(z)
         excess = self.strength.excess(self._balance.model.forces(z))
-        conditions = zip(excess, self.strength.rows, self.strength.conditions, strict=True)
-        # conditions at corners are left out: they hold where compressions are positive
-        return [(y, rows) for y, rows, (c, _) in conditions if c.contact is None]
+        conditions = zip(excess, self.strength.rows, self.strength.conditions, strict=False)
+        # Conditions at corners are left out: they hold where compressions are positive. The last
+        # of excess are those of points, whose forces are compressions alone here, and of crushing.
+        result = [(y, rows) for y, rows, (c, _) in conditions if c.contact is None]
+        if self.strength.crushing is not None:
+            result.append((excess[-1], self.strength.rows[-1]))
+        return result
 
     @cached_property
     def _rows(self) -> StrengthRows | None:
         """The conditions as rows on internal forces; None where some forces are resisted by
-        nothing, which only :meth:`Strength.excess` takes into account."""
-        if self._balance.held is not None:
+        nothing, or stone crushes, which only :meth:`Strength.excess` takes into account."""
+        if self._balance.held is not None or self.strength.crushing is not None:
             return None
         flow = self.strength.flow
         if self._balance.rates is None and isinstance(flow, StrengthRows):
@@ -295,7 +316,7 @@ class Witnesses:
             missing = self.strength.flow.shortfall_bound(self.statics.relative_rates(rates))
             if missing.max() < 0.0:
                 return rates
-            if not np.isfinite(missing).all():
+            if np.isnan(missing).any() or np.isposinf(missing).any():
                 return None
             target = self._opened(np.asarray(self._balance.transposed @ solution), missing)
         return None

@@ -18,7 +18,7 @@ from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.crushing import recession_of
+from cvxlimit.model.crushing import EffectiveRectangles, recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
 from cvxlimit.model.statics import Statics
@@ -33,7 +33,7 @@ from cvxlimit.surfaces.base import (
     stated,
 )
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import Rocking, strength_key
+from cvxlimit.surfaces.coulomb import Rocking, strength_key, with_bounds
 
 NOTHING = 1e-300
 """Reserve of a condition that has no resistance, in a state without the forces that it limits: next
@@ -79,14 +79,21 @@ class Strength:
         self.assemblage = assemblage
         self.contacts = assemblage.contacts
         self.formulation = formulation
-        model = model_of(formulation, self.contacts)
+        # rectangles that crush have closed forms; what else crushes has forces of its own
+        self.crushing = EffectiveRectangles.of(self.contacts)
+        if formulation is not corner_compressions:
+            self.crushing = None
+        is_plain = self.crushing is not None
+        model = formulation(self.contacts) if is_plain else model_of(formulation, self.contacts)
         self.is_internal = bool(model.conditions)
         is_needed = self.is_internal or formulation is corner_compressions
         self.model = model if is_needed else corner_compressions(self.contacts)
         # Compressions among internal forces, by place: a part of a formulation may have the name of
         # a force component, so that a condition by name would mean the wrong one.
         self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])
-        self.surfaces = (Rocking(), *(s for s in surfaces if s.name != Rocking.name))
+        self._points = np.flatnonzero(self.contacts.is_point)
+        others = (s for s in surfaces if s.name != Rocking.name)
+        self.surfaces = with_bounds((Rocking(), *others), self.contacts)
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
 
     @cached_property
@@ -130,7 +137,8 @@ class Strength:
         if not unresisted.any():
             return balance
         gives = abs(balance.model.resultant_map).T
-        return replace(balance, held=(gives @ unresisted > 0.0) & (gives @ ~unresisted == 0.0))
+        held = (gives @ unresisted > 0.0) & (gives @ ~unresisted == 0.0)
+        return replace(balance, held=held) if held.any() else balance
 
     @cached_property
     def _unresisted(self) -> tuple[list[BoolArray], BoolArray]:
@@ -145,6 +153,8 @@ class Strength:
             names = [name for norm in condition.norms for row in norm.rows for name in row]
             for name in COLUMN.keys() & names:
                 unresisted[rows[is_zero], COLUMN[name]] = True
+        unresisted[self._points, :] = True
+        unresisted[:, COLUMN["N"]] = False
         return rows_without, unresisted
 
     @cached_property
@@ -157,7 +167,8 @@ class Strength:
     @cached_property
     def is_cone(self) -> bool:
         """True if no condition has a constant: any multiple of admissible forces is admissible."""
-        return not any(has_constants(condition) for condition, _ in self.conditions)
+        has = any(has_constants(condition) for condition, _ in self.conditions)
+        return self.crushing is None and not has
 
     def recession(self) -> tuple[tuple[YieldSurface, ...], Formulation]:
         """Returns surfaces and formulation without their constants: their admissible forces are the
@@ -188,12 +199,22 @@ class Strength:
         if unresisted.any():  # a state without these forces is inside
             pairs = zip(excess, rows_without, strict=True)
             excess = [np.where(is_zero & (y <= 0.0), -NOTHING, y) for y, is_zero in pairs]
+        if len(self._points) and not self.is_internal:  # they bear nothing but compression
+            others = np.delete(state[self._points], COLUMN["N"], axis=1)
+            beyond = np.abs(others).max(axis=1)
+            excess.append(np.where(beyond == 0.0, -NOTHING, beyond))
+        if self.crushing is not None:
+            excess.append(self.crushing.excess(state))
         return [-state[self._pressed], *excess] if len(self._pressed) else excess
 
     @cached_property
     def rows(self) -> list[IntArray]:
         """The contact of every entry of :meth:`excess`."""
         rows = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
+        if len(self._points) and not self.is_internal:
+            rows.append(self._points)
+        if self.crushing is not None:
+            rows.append(self.crushing.rows)
         return [self.model.contact[self._pressed], *rows] if len(self._pressed) else rows
 
     def balancing(self, state: FloatArray, load_factor: float, statics: Statics) -> float:

@@ -69,6 +69,7 @@ class Shapes:
         add = np.add.reduceat
         area = add(doubled, c.corner_start[:-1]) / 2.0
         middle = add(doubled[:, None] * (xy + xy[ahead]), c.corner_start[:-1]) / 6.0
+        area[c.is_point] = c.area[c.is_point]  # points stay where they are
         middle /= area[:, None]
         pieces = {}
         for j, parts in self.pieces.items():

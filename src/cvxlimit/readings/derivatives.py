@@ -37,6 +37,7 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.facing import Reach, patches
 from cvxlimit.geometry.mesh import volume_and_centroid
+from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.flow import FlowRule, StrengthRows, corner_openings
 from cvxlimit.model.formulations import corner_compressions, model_of
 from cvxlimit.model.mortar import without_tension
@@ -65,8 +66,9 @@ _INSIDE = 1e-3
 """Factor on the step for contacts of several pieces, whose corners may lie on the hull's edges: the
 step is then below the tolerance with which contacts are checked, and rounding still 1e-8."""
 
-JOINTS = ("friction", "cohesion", "compressive_strength", "tensile_strength")
-"""The properties of contacts by which derivatives are taken, as scenes name them."""
+JOINTS = ("friction", "cohesion", "compressive_strength", "tensile_strength", "most")
+"""The properties of contacts by which derivatives are taken, as contacts name them; ``"most"`` is
+the bound of reactions and ties."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,9 +120,12 @@ class Proof:
         self.multipliers = flow.shortfall(relative).multipliers
         forces[:, COLUMN["N"]] += pull
         # Internal forces that give the solution's contact forces.
-        if not model.conditions:
+        crushing = EffectiveRectangles.of(pressed)
+        if not model.conditions or crushing is not None:
+            stated = () if crushing is None else crushing.stated(forces)
+            faces = forces[pressed.faces]
             self.internal = np.concatenate(
-                [_corner_forces(pressed, forces, relative), *forces.T[[0, 1, 5]]]
+                [_corner_forces(pressed, forces, relative), *faces.T[[0, 1, 5]], *stated]
             )
         elif solution.internal is not None and len(solution.internal) == len(model.nonneg):
             self.internal = solution.internal
@@ -216,6 +221,9 @@ def _by_joint(proof: Proof, name: str) -> FloatArray:
     """Returns the derivatives (n,) by property ``name`` of every contact: central differences, and
     forward ones from 0, below which there are no values."""
     contacts = proof.scene.contacts
+    if name == "most":  # what is at its bound does that much power per unit where it closes
+        closing = -contacts.sense * relative_rates(proof.scene, proof.rates)[:, COLUMN["N"]]
+        return np.where(contacts.is_point, np.maximum(closing, 0.0), 0.0)
     value = getattr(contacts, name)
     unit = np.abs(proof.forces[:, :3]).max() / contacts.area
     step = _STEP * np.where((value > 0.0) & np.isfinite(value), value, unit)

@@ -49,6 +49,8 @@ class Sensitivity:
         The solution whose load factor is meant.
     friction, cohesion, compressive_strength, tensile_strength : (n,)
         By the property of every contact; 0 for strengths that are infinite.
+    most : (n,)
+        By the upper bound of every reaction and tie; 0 for other contacts.
     weight : (free blocks,)
         By the weight of every free block, which acts at its centroid.
     dead, live : (free blocks, 6)
@@ -85,6 +87,7 @@ class Sensitivity:
     cohesion: FloatArray
     compressive_strength: FloatArray
     tensile_strength: FloatArray
+    most: FloatArray
     weight: FloatArray
     dead: FloatArray
     live: FloatArray
@@ -122,7 +125,8 @@ class Sensitivity:
             by = self.elasticity(what) if self.factor else np.zeros(len(own))
             if np.abs(by).max(initial=0.0) > NOTHING:
                 total = by.sum() if abs(by.sum()) > NOTHING * np.abs(by).sum() else 0.0
-                rows.append((what.replace("_", " "), f"load factor {total:+.3g} % for 1 % more "
+                label = "reactions at most" if what == "most" else what.replace("_", " ")
+                rows.append((label, f"load factor {total:+.3g} % for 1 % more "
                               "everywhere; "
                               f"{_most(by, own, '%')}"))  # fmt: skip
         size, ids = np.linalg.norm(self.moves, axis=1), [block.id for block in scene.blocks]

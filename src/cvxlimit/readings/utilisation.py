@@ -78,8 +78,8 @@ def least_used(
     compression.
     """
     most = 2.0 * float(forces[:, 2].max(initial=0.0))
-    if scene.ties or (forces[:, 2] < -TOLERANCE * most).any():
-        return None  # what pulls has no share of a compression
+    if scene.contacts.is_point.any() or (forces[:, 2] < -TOLERANCE * most).any():
+        return None  # what pulls, or has no friction, has no share of a compression
     assemblage, below = Assemblage.of(scene), (1.0 - _N.below) * factor
     problem = LimitProgram(assemblage, surfaces, goal=LeastUse(surfaces, below, most))
     for settings in problem.ladder():

@@ -21,12 +21,13 @@ from cvxlimit.base.checks import meant, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance, Reduction
-from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.model.crushing import EffectiveRectangles
+from cvxlimit.model.formulations import Formulation, corner_compressions, is_weak
 from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.mirror import Mirror, find_mirror
-from cvxlimit.reductions.planar import Plane, find_plane
+from cvxlimit.reductions.planar import InPlane, Plane, find_plane
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solvers import SOLVERS, Shape
 from cvxlimit.surfaces import Cone, YieldSurface
@@ -67,13 +68,13 @@ class Reductions:
         model: str = "auto",
     ) -> Reductions:
         """Returns the reductions that are valid and pay, or all that are valid for
-        ``model="least"``. There are none for ``"full"``, for formulations of one's own, for stone
-        that crushes, whose conditions are on internal forces of its own, and for guided blocks and
-        ties, which need not lie in the plane or the mirror.
+        ``model="least"``. There are none for ``"full"``, for formulations of one's own, for
+        contacts that crush and are no rectangles, whose conditions are on forces of their own, and
+        for guided blocks, which need not move in the plane or like their mirror image.
         """
-        crushes = np.isfinite(assemblage.contacts.compressive_strength).any()
-        is_free = assemblage.statics.guide is None and not assemblage.scene.ties
-        is_plain = is_free and not crushes
+        contacts = assemblage.contacts
+        crushes = is_weak(contacts).any() and EffectiveRectangles.of(contacts) is None
+        is_plain = assemblage.statics.guide is None and not crushes
         if model == "full" or formulation is not corner_compressions or not is_plain:
             return cls(assemblage, formulation)
         # a plane is only looked for where normals of contacts and forces span no more than one
@@ -91,7 +92,8 @@ class Reductions:
         if plane is not None:
             blocks = len(statics.dead) // DOF
             ways = _rates(blocks, plane.normal, None, np.arange(blocks))
-            balance = Balance(statics, plane.model(plane.contacts), ways)
+            unlimited = plane.contacts.with_values(compressive_strength=np.inf)
+            balance = Balance(statics, plane.model(unlimited), ways)
             assemblage = replace(assemblage, balance=balance)
         loaded = loaded_blocks(statics)
         return cls(assemblage, formulation, plane, mirror, None if loaded.all() else loaded)
@@ -134,7 +136,7 @@ class Reductions:
             contacts=full.contacts if is_whole else full.contacts.take(np.flatnonzero(kept)),
             forces=None if is_whole else _forces(mirror, kept),
             rates=rates,
-            formulation=self.formulation if plane is None else plane.taking(kept).model,
+            formulation=self.formulation if plane is None else InPlane(plane.taking(kept)),
             given_forces=given_forces,
         )
 

@@ -23,7 +23,7 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
 from cvxlimit.surfaces.cones import Cone, Conic, Facets
-from cvxlimit.surfaces.coulomb import Rocking
+from cvxlimit.surfaces.coulomb import Bounds, Rocking
 
 _SAME = 1e-11
 """Distance over the size of the scene, and difference of loads and coefficients over the largest,
@@ -83,7 +83,7 @@ def find_mirror(
     """Returns a mirror plane of a scene under these surfaces, or None. ``across`` is the normal of
     a planar scene's plane, which is a mirror plane too, but halves nothing."""
     free = statics.centroids[statics.row_of_block >= 0]
-    size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
+    size = statics.contacts.extent
     for normal in _candidates(statics, free):
         if across is not None and abs(normal @ across) > _SAME:
             continue
@@ -189,10 +189,11 @@ def is_invariant(
     False also for conditions with rows of their own, coefficients in Parameters, cones that are not
     known.
     """
-    return all(
+    alike = (getattr(contacts, name) for name in ("least", "most", "sense"))
+    return all(np.array_equal(each[partner], each) for each in alike) and all(
         _carries(condition, surface.cone, contacts, partner, carried)
         for surface in surfaces
-        if type(surface) is not Rocking
+        if type(surface) not in (Rocking, Bounds)
         for condition in stated(surface, contacts)
     )
 

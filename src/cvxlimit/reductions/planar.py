@@ -31,13 +31,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.model.formulations import ForceModel, Part, compressions_at
+from cvxlimit.model.formulations import ForceModel, Part, compressions_at, is_weak, rotated
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.mirror import (
     are_loads_alike,
@@ -48,7 +49,7 @@ from cvxlimit.reductions.mirror import (
 )
 from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import Rocking
+from cvxlimit.surfaces.coulomb import Bounds, Rocking, with_bounds
 
 _IN_PLANE = 2e-12
 """Largest component of a unit vector out of the plane, and largest distance from it over the size
@@ -116,28 +117,46 @@ class Plane:
 
     def model(self, contacts: Contacts) -> ForceModel:
         """Returns the formulation: compressions at the two ends, shear along d, and the conditions
-        on them."""
-        each = np.arange(len(contacts))
-        ends = (self.ends.T[:, :, None] * self.along).reshape(-1, 2)
-        return ForceModel(
-            contacts,
-            [
-                compressions_at(np.tile(each, 2), ends),
-                Part("V", {"V1": self.along[:, 0], "V2": self.along[:, 1]}, each),
-            ],
-            self.conditions,
-            self.names | {Rocking.name},
-        )
+        on them. Rectangles that crush need one unknown s more: s is at most the compression at
+        either end, and N^2 <= 2 f A s, which is N <= f (l - 2 abs(M) / N) b."""
+        each, faces = np.arange(len(contacts)), contacts.faces
+        at = np.concatenate([self.ends[:, 0], self.ends[faces, 1]])  # points have one end
+        on = np.concatenate([each, faces])
+        along = self.along[faces]
+        parts = [
+            compressions_at(contacts, on, at[:, None] * self.along[on]),
+            Part("V", {"V1": along[:, 0], "V2": along[:, 1]}, faces),
+        ]
+        conditions = list(self.conditions)
+        if len(weak := np.flatnonzero(is_weak(contacts))):
+            parts.append(Part("s", {}, weak))
+            length = np.ptp(self.ends[weak], axis=1)
+            for sign in (-1.0, 1.0):  # of either end: N / 2 + M / l, M about y
+                m1, m2 = (sign * self.across[weak] / length[:, None]).T
+                end = {"N": 0.5, "M1": m1, "M2": m2, "s": -1.0}
+                conditions.append(Condition((), end, weak))
+            most = 2.0 * (contacts.compressive_strength * contacts.area)[weak]
+            conditions.append(rotated("N", {"s": 1}, {CONSTANT: most}, weak))
+        return ForceModel(contacts, parts, conditions, self.names | {Rocking.name})
+
+    @property
+    def has_sides(self) -> bool:
+        """True if d is along a side of every contact that crushes, which are rectangles."""
+        weak = np.flatnonzero(is_weak(self.contacts))
+        is_along = np.abs(self.along[weak]).max(axis=1, initial=0.0) >= 1.0 - _IN_PLANE
+        return bool((self.contacts.is_rectangle[weak] & is_along).all())
 
     def taking(self, kept: NDArray[np.bool_]) -> Plane:
         """Returns the plane with only those contacts for which ``kept`` (n,) is true."""
         if kept.all():
             return self
-        rows = np.flatnonzero(kept)
-        smaller = [
-            replace(c, resistance={k: np.asarray(v)[rows] for k, v in c.resistance.items()})
-            for c in self.conditions
-        ]
+        rows, place = np.flatnonzero(kept), np.cumsum(kept) - 1
+        smaller = []
+        for c in self.conditions:
+            own = rows if c.contact is None else np.flatnonzero(kept[c.contact])
+            on = None if c.contact is None else place[c.contact[own]]
+            resistance = {k: np.asarray(v)[own] for k, v in c.resistance.items()}
+            smaller.append(replace(c, resistance=resistance, contact=on))
         return replace(self, contacts=self.contacts.take(rows), conditions=smaller)
 
     def with_strength(self, surfaces: Sequence[YieldSurface]) -> Plane | None:
@@ -147,6 +166,7 @@ class Plane:
         y = np.pad(self.across, ((0, 0), (0, 1)))
         if not is_invariant(surfaces, self.contacts, each, reflected(y)):
             return None
+        surfaces = with_bounds(surfaces, self.contacts)
         stated_rows = [row for s in surfaces for row in self._planar_rows(s)]
         rows = [row for row in stated_rows if row is not None]
         if len(rows) < len(stated_rows):
@@ -158,6 +178,9 @@ class Plane:
         """Yields a surface's conditions on N and V, two rows for each of its conditions; None for
         one that depends on other forces in the plane. Rocking is in the formulation itself."""
         if type(surface) is Rocking:
+            return
+        if type(surface) is Bounds:  # along the normals of points, which are in the plane
+            yield from surface.conditions(self.contacts)
             return
         for condition in stated(surface, self.contacts):
             resistance = coefficients(condition.resistance, len(self.contacts))
@@ -198,14 +221,25 @@ class Plane:
         return np.stack([shear, rows[:, 2], moment], axis=1)
 
 
+@dataclass(frozen=True, eq=False)
+class InPlane:
+    """The formulation of a plane's contacts, which states their strength itself."""
+
+    plane: Plane
+    sees_to_strength: ClassVar[bool] = True
+
+    def __call__(self, contacts: Contacts) -> ForceModel:
+        return self.plane.model(contacts)
+
+
 def find_plane(statics: Statics, surfaces: Sequence[YieldSurface]) -> Plane | None:
     """Returns the plane of a scene under these surfaces, or None if the scene is not planar to
     rounding."""
-    size = float(np.ptp(statics.contacts.corner_points, axis=0).max())
+    size = statics.contacts.extent
     for normal in _candidates(statics):
         if _is_flat(statics, normal, size):
             plane = Plane(normal, statics.contacts)
-            if plane.spans(_IN_PLANE * size):
+            if plane.has_sides and plane.spans(_IN_PLANE * size):
                 return plane.with_strength(surfaces)
     return None
 

@@ -82,9 +82,9 @@ def looking(scene: Scene, direction: ArrayLike, blocks: Collection[str] | None) 
     there, result = 0, list[Face]()
     for i in scene.free.tolist():
         if scene.blocks[i].id in only:
-            faces = list(_faces(scene.blocks[i], towards, LOOKS))
+            faces = list(faces_of(scene.blocks[i], towards, LOOKS))
             there += len(faces)
-            result += [part for face in faces for part in _bare(scene, i, face)]
+            result += [part for face in faces for part in bare(scene, i, face)]
     if not result:
         who = "no free block has" if blocks is None else f"none of {sorted(only)} has"
         covered = (
@@ -104,7 +104,7 @@ def seen_from_above(scene: Scene, blocks: Collection[str] | None) -> list[Face]:
     if blocks is not None:
         return faces
     plan = np.concatenate([plane_axes(up), up[None]])
-    tops = [top for block in scene.blocks for top in _faces(block, up, RELATIVE_TOLERANCE)]
+    tops = [top for block in scene.blocks for top in faces_of(block, up, RELATIVE_TOLERANCE)]
     ours, others = (
         shapely.make_valid(np.array([shapely.Polygon(x.corners @ plan[:2].T) for x in some]))
         for some in (faces, tops)
@@ -138,7 +138,7 @@ def seen_from_above(scene: Scene, blocks: Collection[str] | None) -> list[Face]:
     return result
 
 
-def _faces(block: Block, towards: FloatArray, limit: float) -> Iterator[Face]:
+def faces_of(block: Block, towards: FloatArray, limit: float) -> Iterator[Face]:
     """The faces of a block whose normal has more than ``limit`` along a unit vector."""
     for indices in block.faces:
         corners = block.vertices[list(indices)]
@@ -147,13 +147,13 @@ def _faces(block: Block, towards: FloatArray, limit: float) -> Iterator[Face]:
             yield Face(block, normal, corners)
 
 
-def _bare(scene: Scene, i: int, face: Face) -> Iterator[Face]:
+def bare(scene: Scene, i: int, face: Face) -> Iterator[Face]:
     """The parts of a face of block i that no contact covers."""
     contacts, normal, origin = scene.contacts, face.normal, face.corners.mean(axis=0)
     outward = contacts.axes[:, 2] * np.where(contacts.a == i, 1.0, -1.0)[:, None]
     on = ((contacts.a == i) | (contacts.b == i)) & (outward @ normal >= FACING)
     on &= np.abs((contacts.origin - origin) @ normal) <= SAME_FACE * face.block.thickness
-    on[len(contacts) - len(scene.ties) :] = False
+    on &= ~contacts.is_point
     axes = plane_axes(normal)
     whole = shapely.make_valid(shapely.Polygon((face.corners - origin) @ axes.T))
     pieces = [

@@ -24,8 +24,8 @@ from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.geometry.strengths import PROPERTIES, ByPair, SceneJoints
 from cvxlimit.scene.doubts import doubts
 from cvxlimit.scene.loads import GRAVITY, Load
+from cvxlimit.scene.reactions import Reaction, Tie, check_reactions, with_reactions
 from cvxlimit.scene.settling import SupportMotion, check_motions
-from cvxlimit.scene.ties import Tie, check_ties, with_ties
 from cvxlimit.scene.units import DEFAULT_UNITS, Units
 
 
@@ -54,6 +54,8 @@ class Scene(RemadeFromFields, SceneJoints):
     name : str
     ties : tuple of Tie
         Members that bear tension; each counts as a contact, after all others.
+    reactions : tuple of Reaction
+        Forces between bounds, as of soil that resists; each counts as a contact, after the ties.
     settling : tuple of SupportMotion
         How supports move where :func:`cvxlimit.settlement` is not told; a load factor is that of
         supports at rest.
@@ -86,6 +88,7 @@ class Scene(RemadeFromFields, SceneJoints):
     name: str = "scene"
     joint_tolerance: float | None = None
     ties: tuple[Tie, ...] = ()
+    reactions: tuple[Reaction, ...] = ()
     settling: tuple[SupportMotion, ...] = ()
 
     def __post_init__(self) -> None:
@@ -102,6 +105,7 @@ class Scene(RemadeFromFields, SceneJoints):
             ("blocks", Block, "blocks must be Blocks", "Block.box makes one"),
             ("supports", str, "supports must be ids", "write ['ground']"),
             ("ties", Tie, "ties must be Ties", "import Tie"),
+            ("reactions", Reaction, "reactions must be Reactions", "import Reaction"),
             ("settling", SupportMotion, "settling must be SupportMotions", "import SupportMotion"),
         ):
             if name in changed:
@@ -117,7 +121,7 @@ class Scene(RemadeFromFields, SceneJoints):
         if "joint_tolerance" in changed and self.joint_tolerance is not None:
             length = positive(self.joint_tolerance, "joint_tolerance of the scene")
             object.__setattr__(self, "joint_tolerance", length)
-        if others & {*_SHAPES, "ties"}:
+        if others & {*_SHAPES, "ties", "reactions"}:
             _check_ids(self)
         if "settling" in others:
             check_motions(self.settling, self.supports, self.name)
@@ -144,7 +148,11 @@ class Scene(RemadeFromFields, SceneJoints):
     def contacts(self) -> Contacts:
         """All contacts, detected on first use and kept; see :func:`detect`."""
         given = self.__dict__.get("_given_contacts")
-        return given or with_ties(self._given_to(self._detection.contacts), self.ties)
+        if given is not None:
+            return given
+        detected = self._given_to(self._detection.contacts)
+        size = float(np.median([self.blocks[i].size for i in self.free]))
+        return with_reactions(detected, self.ties, self.reactions, self.supports, size)
 
     @property
     def near_misses(self) -> tuple[NearMiss, ...]:
@@ -173,7 +181,8 @@ class Scene(RemadeFromFields, SceneJoints):
 
     @property
     def _tied(self) -> frozenset[str]:
-        return frozenset(name for tie in self.ties for name in (tie.a, tie.b))
+        both = [*((tie.a, tie.b) for tie in self.ties), *((r.block, r.on) for r in self.reactions)]
+        return frozenset(name for pair in both for name in pair if name is not None)
 
     @cached_property
     def free(self) -> NDArray[np.int64]:
@@ -258,13 +267,14 @@ class Scene(RemadeFromFields, SceneJoints):
 
     def moved(self, rotation: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> Scene:
         """The scene after x -> rotation @ x + translation, loads included."""
-        turn = np.asarray(rotation, dtype=float)
+        turn, shift = (np.asarray(x, dtype=float) for x in (rotation, translation))
         return replace(
             self,
             blocks=tuple(b.moved(turn, translation) for b in self.blocks),
             dead=self.dead.moved(turn, translation),
             live=self.live.moved(turn, translation),
-            ties=tuple(t.moved(turn, np.asarray(translation, dtype=float)) for t in self.ties),
+            ties=tuple(t.moved(turn, shift) for t in self.ties),
+            reactions=tuple(r.moved(turn, shift) for r in self.reactions),
             settling=tuple(x.moved(turn, np.asarray(translation)) for x in self.settling),
         )
 
@@ -325,6 +335,7 @@ class Scene(RemadeFromFields, SceneJoints):
             units=units,
             **self._scaled_joints(force / length**2),
             ties=tuple(tie.scaled(length, force) for tie in self.ties),
+            reactions=tuple(r.scaled(length, force) for r in self.reactions),
             settling=tuple(motion.scaled(length) for motion in self.settling),
             joint_tolerance=None if self.joint_tolerance is None else length * self.joint_tolerance,
         )
@@ -370,11 +381,15 @@ class Scene(RemadeFromFields, SceneJoints):
     def geometry(self) -> str:
         """Fingerprint of all that determines contacts: equal for scenes with the same contacts.
 
-        Shapes and ids of blocks, supports, joint tolerance, which blocks are tied; not density,
-        friction or loads.
+        Shapes and ids of blocks, supports, joint tolerance, where ties and reactions act; not
+        density, friction, loads and what ties and reactions bear.
         """
         digest = hashlib.blake2b(digest_size=16)
-        digest.update(repr((self.supports, self.joint_tolerance, sorted(self._tied))).encode())
+        ends = [(tie.a, tie.b, tie.start, tie.end) for tie in self.ties]
+        pushes = [
+            (r.block, r.on, r.at, r.direction, r.most > 0.0, r.least < 0.0) for r in self.reactions
+        ]
+        digest.update(repr((self.supports, self.joint_tolerance, ends, pushes)).encode())
         for block in self.blocks:
             digest.update(repr((block.id, block.faces)).encode())
             digest.update(block.vertices.tobytes())
@@ -406,6 +421,7 @@ class Scene(RemadeFromFields, SceneJoints):
 
 
 _SHAPES = frozenset({"blocks", "supports"})
+_JOINTS = frozenset(name for what in PROPERTIES for name in (what, f"contact_{what}"))
 _FOLLOW_FROM: dict[str, frozenset[str]] = {
     "_detection": frozenset(),
     "_given_contacts": frozenset(),
@@ -413,6 +429,7 @@ _FOLLOW_FROM: dict[str, frozenset[str]] = {
     "free": _SHAPES,
     "dead_forces": _SHAPES | {"dead"},
     "live_forces": _SHAPES | {"live"},
+    "contacts": _SHAPES | {"joint_tolerance", "ties", "reactions"} | _JOINTS,
 }
 """What a copy keeps, unless one of these is changed."""
 
@@ -435,7 +452,7 @@ def _check_ids(scene: Scene) -> None:
         if key not in known:
             cure = meant(key, known) or "add it to the blocks"
             raise InputError(f"support {key!r} is not a block of the scene; {cure}")
-    check_ties(scene.ties, known, set(scene.supports))
+    check_reactions(scene.ties, scene.reactions, known, set(scene.supports))
     if (twice := first_twice(scene.supports)) is not None:
         raise InputError(f"support {twice!r} is listed twice")
     if not len(scene.free):

@@ -188,13 +188,13 @@ def uplift(
     1.962
     """
     gamma, up = positive(unit_weight, "unit_weight"), upwards(scene)
-    towards, only = _horizontal(direction, up), chosen(scene, blocks)
+    towards, only = horizontal(direction, up), chosen(scene, blocks)
     if tail is not None and not tail <= level:
         raise InputError(
             f"tail {tail:g} is above level {level:g}: turn the direction, towards the higher water"
         )
     contacts = scene.contacts
-    normals = contacts.axes[: len(contacts) - len(scene.ties), 2]
+    normals = contacts.axes[contacts.faces, 2]
     flat = np.flatnonzero(np.abs(normals @ up) >= FLAT).tolist()
     places, heights = contacts.corner_points @ towards, contacts.corner_points @ up
     result: list[Pressure] = []
@@ -314,7 +314,7 @@ def wheel(
     """
     up, faces = upwards(scene), seen_from_above(scene, blocks)
     total = positive(force, "force of a wheel")
-    middle, axis = finite_vector(at, 3, "at of a wheel"), _horizontal(along, up)
+    middle, axis = finite_vector(at, 3, "at of a wheel"), horizontal(along, up)
     length, width = (
         positive(x, "side of a wheel") for x in finite_vector(sides, 2, "sides of a wheel").tolist()
     )
@@ -348,7 +348,7 @@ def _fan(face: Face) -> FloatArray:
     return fan(face.corners, [range(len(face.corners))])[0]
 
 
-def _horizontal(direction: ArrayLike, up: FloatArray) -> FloatArray:
+def horizontal(direction: ArrayLike, up: FloatArray) -> FloatArray:
     vector = finite_vector(direction, 3, "direction")
     level = vector - (vector @ up) * up
     if not np.linalg.norm(level) > 1e-6 * np.linalg.norm(vector):

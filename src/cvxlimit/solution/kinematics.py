@@ -104,6 +104,7 @@ def contact_motion(contacts: Contacts, relative: FloatArray, threshold: float) -
     shears = (slip > threshold) & (slip >= widest - dilation) & carried
     kind = np.full(len(c), ContactKind.CLOSED, dtype=np.int64)
     kind[widest > threshold] = ContactKind.OPENS
+    shears &= ~c.is_point  # they resist no slip
     kind[shears] = ContactKind.SLIDES
     kind[shears & (centre_slip <= np.abs(twist) * reach)] = ContactKind.TWISTS
     return ContactMotion(opening, slip, twist, widest, kind)

@@ -13,13 +13,14 @@ from cvxlimit.studies.domains.domain import LoadDomain
 from cvxlimit.studies.domains.exploring import explore
 from cvxlimit.studies.domains.search import load_domain
 from cvxlimit.studies.domains.supports import Support
+from cvxlimit.studies.envelopes import Envelope, Vehicle, envelope
 from cvxlimit.studies.proving import Proof, prove
 from cvxlimit.studies.store import read_sweep
 from cvxlimit.studies.sweeping import sweep
 from cvxlimit.studies.variations import draws, varied
 
 __all__ = [
-    "Check", "DomainComparison", "LoadDomain", "Proof", "Support", "compare_domains", "draws",
-    "explore", "load_domain", "prove", "read_domain", "read_sweep", "sweep", "varied",
-    "write_domain",
+    "Check", "DomainComparison", "Envelope", "LoadDomain", "Proof", "Support", "Vehicle",
+    "compare_domains", "draws", "envelope", "explore", "load_domain", "prove", "read_domain",
+    "read_sweep", "sweep", "varied", "write_domain",
 ]  # fmt: skip

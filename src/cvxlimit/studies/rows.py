@@ -85,10 +85,11 @@ class Structures:
     def mechanics(self, scene: Scene) -> Scene | Assemblage:
         """Returns the scene with contacts, equilibrium and factorisation of one of its geometry.
 
-        Scenes with ties, and with mortar that bears tension, keep to themselves: their contacts
-        follow from more than geometry, their loads from their strength.
+        Scenes with mortar that bears tension, or reactions that push at least so much, keep to
+        themselves: their loads follow from their strength.
         """
-        if scene.ties or scene.tensile_strength or scene.contact_tensile_strength:
+        is_loaded = any(r.least > 0.0 or r.most < 0.0 for r in scene.reactions)
+        if is_loaded or scene.tensile_strength or scene.contact_tensile_strength:
             return scene
         known = self._known.get(scene.geometry)
         if known is None:

@@ -12,6 +12,10 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Literal
 
+import cvxpy as cp
+import numpy as np
+
+from cvxlimit.base.arrays import IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.strengths import PROPERTIES
@@ -39,7 +43,24 @@ class Rocking(YieldSurface):
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         contact, inward, offset = contacts.edges
         inside = {"N": 1, "M2": -inward[:, 0] / offset, "M1": inward[:, 1] / offset}
-        return [Condition((), inside, contact)]
+        result = [Condition((), inside, contact)] if len(contact) else []
+        if len(points := np.flatnonzero(contacts.is_point)):
+            result.append(Condition((), {"N": contacts.sense[points]}, points))
+        return result
+
+
+class Bounds(YieldSurface):
+    """sense N <= most at contacts that are points: reactions and ties.
+
+    :func:`with_bounds` adds it wherever there are any. Rocking states the other bound.
+    """
+
+    name = "bounds"
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        at = bounded(contacts)
+        most = contacts.most[at]
+        return [Condition((), {"N": -contacts.sense[at], CONSTANT: most}, at)]
 
 
 class Sliding(YieldSurface):
@@ -98,6 +119,21 @@ class ParabolicTorsionShear(YieldSurface):
         return [Condition([size], slip_resistance(contacts))]
 
 
+def bounded(contacts: Contacts) -> IntArray:
+    """Returns the contacts (k,) whose force has an upper bound; all points if that is a
+    Parameter."""
+    if isinstance(contacts.most, cp.Expression):
+        return np.flatnonzero(contacts.is_point)
+    return np.flatnonzero(contacts.is_point & np.isfinite(contacts.most))
+
+
+def with_bounds(surfaces: Sequence[YieldSurface], contacts: Contacts) -> tuple[YieldSurface, ...]:
+    """Returns the surfaces, and :class:`Bounds` where contacts need it and they lack it."""
+    if len(bounded(contacts)) and Bounds.name not in (surface.name for surface in surfaces):
+        return (*surfaces, Bounds())
+    return tuple(surfaces)
+
+
 SurfaceName = Literal[
     "conic", "parabolic",
     "octagon", "8-gon", "12-gon", "16-gon", "24-gon", "32-gon", "48-gon", "64-gon",
@@ -124,11 +160,12 @@ DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 def strength_key(surfaces: Sequence[YieldSurface], contacts: Contacts) -> Hashable | None:
     """Returns a key that is equal for the same surfaces of this module on contacts of one geometry
     with the same strengths; None for surfaces and cones that may depend on more."""
-    plain = (Rocking, Sliding, Torsion, TorsionShear), (Conic, Facets)
+    plain = (Rocking, Sliding, Torsion, TorsionShear, Bounds), (Conic, Facets)
     if not all(type(s) in plain[0] and type(s.cone) in plain[1] for s in surfaces):
         return None
     kinds = tuple((type(s), s.cone) for s in surfaces)
-    return kinds, *(getattr(contacts, name).tobytes() for name in PROPERTIES)
+    names = (*PROPERTIES, "most") if contacts.is_point.any() else PROPERTIES
+    return kinds, *(getattr(contacts, name).tobytes() for name in names)
 
 
 def refuse_lost_cohesion(surfaces: Sequence[YieldSurface], contacts: Contacts) -> None:

@@ -407,7 +407,7 @@ class Structure:
     def mirrors(self) -> list[LoadMirror]:
         """Mirror planes that carry the loads into each other; none if the model is kept whole."""
         crushes = np.isfinite(self.assemblage.contacts.compressive_strength).any()
-        if crushes or self.run.scene.ties or self.run.model == "full":
+        if crushes or self.run.model == "full":
             return []
         quiet = self.assemblage.statics.under(self.dead, np.zeros_like(self.dead))
         return load_mirrors(quiet, self.forces, self.surfaces)

@@ -1,0 +1,296 @@
+"""Vehicles that cross a bridge: the load factor at every position, and the worst of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cvxlimit.base.checks import not_negative, positive
+from cvxlimit.base.extras import needed
+from cvxlimit.errors import InputError
+from cvxlimit.methods.solving import solve
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.plotting.look import saved
+from cvxlimit.plotting.registry import figures
+from cvxlimit.reductions.repeated import Repeats
+from cvxlimit.scene import Scene, Units
+from cvxlimit.scene.loads import Load, PointForce
+from cvxlimit.scene.roads import BOUSSINESQ, Road
+from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import rounded
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """Axles on a road, by their distance behind the first one.
+
+    Attributes
+    ----------
+    axles : sequence of (distance, force)
+    length : float
+        Of the patch that each axle loads on the road, along it.
+    spread : float or "boussinesq"
+        As for :meth:`cvxlimit.Road.load`.
+
+    Raises
+    ------
+    InputError
+        For no axle, and numbers that are no distances or forces.
+
+    Example
+    -------
+    >>> Vehicle([(0.0, 60.0), (3.2, 115.0)]).force
+    175.0
+    """
+
+    axles: Sequence[tuple[float, float]]
+    length: float = 0.3
+    spread: float | str = 0.5
+
+    def __post_init__(self) -> None:
+        own = [tuple(axle) for axle in self.axles]
+        if not own or any(len(axle) != 2 for axle in own):
+            raise InputError(
+                f"axles of a vehicle must be (distance, force), at least one, got "
+                f"{self.axles!r:.60}"
+            )
+        checked = [
+            (not_negative(d, "distance of an axle"), positive(f, "force of an axle"))
+            for d, f in own
+        ]
+        object.__setattr__(self, "axles", tuple(checked))
+        positive(self.length, "length of an axle's patch")
+        if self.spread != BOUSSINESQ:
+            not_negative(self.spread, "spread of a vehicle")
+
+    @property
+    def force(self) -> float:
+        """Of all axles."""
+        return float(sum(force for _, force in self.axles))
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """The answer at one position: ``at`` of the first axle, ``is_forward`` for the way along the
+    axis, the force ``lost`` beside the blocks, and the solution, None where all of it is lost."""
+
+    at: float
+    is_forward: bool
+    lost: float
+    solution: Solution | None
+
+    @property
+    def load_factor(self) -> float:
+        """Infinite where any multiple of the vehicle is carried, with dilatancy at least, as the
+        status says; NaN where there is no answer."""
+        found = self.solution
+        without_limit = (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED)
+        if found is None or found.status in without_limit:
+            return float("inf")
+        return float("nan") if found.load_factor is None else found.load_factor
+
+    @property
+    def status(self) -> str:
+        """As of the solution."""
+        return "not on the bridge" if self.solution is None else str(self.solution.status)
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """What :func:`envelope` found at all positions.
+
+    Attributes
+    ----------
+    scene_name : str
+    vehicle : Vehicle
+    units : Units
+    crossings : tuple of Crossing
+        Forward ones first, in the order of the positions.
+    """
+
+    scene_name: str
+    vehicle: Vehicle
+    units: Units
+    crossings: tuple[Crossing, ...]
+
+    @property
+    def worst(self) -> Crossing:
+        """The position with the least load factor.
+
+        Raises
+        ------
+        InputError
+            If no position has an answer.
+        """
+        known = [each for each in self.crossings if not np.isnan(each.load_factor)]
+        if not known:
+            raise InputError(
+                f"no position on {self.scene_name!r} has an answer: the first says "
+                f"{self.crossings[0].status}"
+            )
+        return min(known, key=lambda each: each.load_factor)
+
+    def __str__(self) -> str:
+        worst, length = self.worst, self.units.length
+        way = "forward" if worst.is_forward else "backward"
+        open_ones = sum(np.isnan(each.load_factor) for each in self.crossings)
+        if np.isinf(worst.load_factor):
+            first = f"{self.scene_name}: any multiple of the vehicle is carried at all positions"
+        else:
+            first = (
+                f"{self.scene_name}: least load factor {rounded(worst.load_factor)} of "
+                f"{self.vehicle.force:g} {self.units.force}, {worst.status}, first axle at "
+                f"{worst.at:g} {length}, {way}"
+            )
+        rest = f"{len(self.crossings)} positions"
+        rest += f", {open_ones} of them without an answer" if open_ones else ""
+        return f"{first}\n{rest}"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{self}</pre>"
+
+    def to_dataframe(self) -> DataFrame:
+        """A row for each position: ``at``, ``way`` (1 forward, -1 backward), ``load_factor``, which
+        is infinite where any multiple is carried, ``lower``, ``upper``, ``status``, ``lost``."""
+        pandas = needed("pandas", "frames", "tables")
+        rows = [
+            {
+                "at": each.at,
+                "way": 1 if each.is_forward else -1,
+                "load_factor": each.load_factor,
+                "lower": np.inf if np.isinf(each.load_factor) else _bound(each, "lower"),
+                "upper": np.inf if np.isinf(each.load_factor) else _bound(each, "upper"),
+                "status": each.status,
+                "lost": each.lost,
+            }
+            for each in self.crossings
+        ]
+        table: DataFrame = pandas.DataFrame(rows)
+        table.attrs = {"units": {"at": self.units.length, "lost": self.units.force}}
+        return table
+
+    def plot(self, file: str | os.PathLike[str] | None = None, **options: Any) -> Any:
+        """A chart of load factors over positions, with brackets; the figure, or the file's path.
+
+        ``options`` are those of all charts: ``size`` in inches, ``title``, ``ax``, ``legend``.
+        """
+        chart = figures("chart").Chart.of(options, (6.4, 3.8))
+        for is_forward, colour, name in ((True, "#134b73", "forward"), (False, "#b3541e", "back")):
+            own = [each for each in self.crossings if each.is_forward is is_forward]
+            if not own:
+                continue
+            at, factors = np.array([(each.at, each.load_factor) for each in own]).T
+            shown = np.where(np.isfinite(factors), factors, np.nan)
+            chart.axes.plot(
+                at, shown, ".-", color=colour, lw=1.2, ms=4, label=f"{name}: load factor"
+            )
+        worst = self.worst
+        if np.isfinite(worst.load_factor):
+            label = f"least: {rounded(worst.load_factor, 4)}"
+            chart.axes.plot([worst.at], [worst.load_factor], "o", mfc="none", mec="#d62246", ms=9,
+                            label=label)  # fmt: skip
+        chart.axes.set(
+            xlabel=f"first axle at ({self.units.length})", ylabel="load factor on the vehicle"
+        )
+        chart.axes.set_ylim(bottom=0.0)
+        chart.write(f"{self.scene_name}: a vehicle of {self.vehicle.force:g} {self.units.force}")
+        chart.write_legend()
+        return chart.figure if file is None else saved(chart.figure, file, options)
+
+
+def _bound(each: Crossing, name: str) -> float:
+    return float("nan") if each.solution is None else float(getattr(each.solution, name))
+
+
+def envelope(
+    scene: Scene,
+    vehicle: Vehicle,
+    positions: ArrayLike,
+    level: float,
+    *,
+    along: ArrayLike = (1.0, 0.0, 0.0),
+    both_ways: bool = True,
+    blocks: Collection[str] | None = None,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> Envelope:
+    """The load factor of a vehicle at each of some positions, both ways, and the worst.
+
+    What positions share is computed once. Parts of the vehicle that are beside the bridge, or over
+    an abutment that is fixed, are lost, and each row says how much that is.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its live load does not matter.
+    vehicle : Vehicle
+    positions : (n,)
+        Places of the first axle along the axis.
+    level, along, blocks
+        The road's, as for :class:`cvxlimit.Road`.
+    both_ways : bool
+        Whether the vehicle crosses in the other direction, too.
+    progress : function of a text, optional
+    options
+        As for :func:`cvxlimit.solve`: ``surface``, ``tolerance``, ``method`` ...
+
+    Raises
+    ------
+    InputError
+        For a wrong number, or a vehicle that is beside the bridge at all positions.
+
+    Example
+    -------
+    >>> from cvxlimit.masonry.bridges import Arch, bridge
+    >>> scene = bridge(Arch(3.0, 0.75, voussoirs=12), thickness=0.2, width=1.0, cover=0.2)
+    >>> found = envelope(scene, Vehicle([(0.0, 10.0)]), [0.5, 0.75, 1.0], 1.15, both_ways=False)
+    >>> found.worst.at
+    0.75
+    """
+    places = np.atleast_1d(np.array(positions, dtype=float)).tolist()
+    road = Road(scene, level, along, blocks)
+    ways = [(True, 1.0), (False, -1.0)] if both_ways else [(True, 1.0)]
+    shared: Assemblage | None = None
+    found = []
+    for is_forward, sign in ways:
+        for at in places:
+            points, lost = _loads(road, vehicle, at, sign)
+            solution = None
+            if points:
+                loaded = scene.with_live(Load(points=points))
+                if shared is None:
+                    shared = replace(Assemblage.of(loaded), repeats=Repeats())
+                solution = solve(shared.like(loaded), **options)
+            found.append(Crossing(at, is_forward, lost, solution))
+            if progress is not None:
+                progress(f"{len(found)} of {len(ways) * len(places)} positions")
+    if all(each.solution is None for each in found):
+        raise InputError(
+            f"the vehicle is beside {scene.name!r} at all positions: give places of its first axle "
+            "over the bridge"
+        )
+    return Envelope(scene.name, vehicle, scene.units, tuple(found))
+
+
+def _loads(
+    road: Road, vehicle: Vehicle, at: float, sign: float
+) -> tuple[tuple[PointForce, ...], float]:
+    """The forces of all axles, and what of them is lost."""
+    points, lost = list[PointForce](), 0.0
+    for behind, force in vehicle.axles:
+        place = at - sign * behind
+        if not road.reaches(place, vehicle.length, vehicle.spread):
+            lost += force
+            continue
+        own = road.load(place, force, vehicle.length, vehicle.spread)
+        points += own.points
+        lost += own.lost
+    return tuple(points), lost
