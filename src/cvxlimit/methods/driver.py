@@ -390,6 +390,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         note=_note(method, run, status, dilatancy),
         versions=versions(run.solvers),
         members=best.members,
+        searches=best.searches,
         dilatancy=dilatancy,
         iteration=best.iteration,
         internal=best.internal,
