@@ -60,6 +60,11 @@ class _Numbers:
     fresh: float = 0.25
     # Factor on a mechanism's prices at which forces on it are its lowest.
     higher: float = 1.003
+    # Most that a member may lose, over the square of what it is lower by than the one before. Slip
+    # that friction opposes at an angle loses the square of the angle and changes the load factor
+    # by the angle itself: a cap close by would find that, and no member.
+    sure: float = 0.01
+    settled: float = 1e-10  # What a member loses that is settled.
     # How far below the lowest member the cap is: the least, the first and the largest gap, over the
     # load factor, and what a failure and a hit make of it.
     gaps: tuple[float, float, float] = (1e-3, 0.1, 0.3)
@@ -198,7 +203,8 @@ class _Searches:
         cap = upper + self.run.scaling.unit(upper)  # out of the way
         state = self._priced(price, cap, _N.rough)
         state = self._iterated(state, price, cap, _N.rough)
-        return self._paired("associated", state, cap, self.iterates)
+        found = self._paired("associated", state, cap, self.rule.tolerance, self.iterates)
+        return None if found is None else self._settled(found, cap)
 
     def _searched(self, seed: int, first: CheckedState | None) -> Steps:
         """Searches below ``first`` until the budget is spent, and returns no status of the run."""
@@ -217,14 +223,16 @@ class _Searches:
                 label, state = "random prices", self._priced(self._random_price(), cap, _N.rough)
             else:
                 label, state = "lowest", self._kicked(lowest[1], cap)
-            found = self._paired(f"search {seed}, {label} {tries}", state, cap)
+            label = f"search {seed}, {label} {tries}"
+            aim = min(self.rule.tolerance, _N.sure * gap**2)
+            found = self._paired(label, state, cap, aim)
             # After a hit lower forces on its mechanism, and a cap further down; after a failure one
             # nearer by, and from the least gap on all over again.
             if found is None:
                 gap = gap * _N.narrower if gap > least else _N.gaps[1]
             else:
                 gap = min(gap * _N.wider, largest)
-                lowest = self._lowered(found)
+                lowest = self._lowered(self._settled(found, cap))
             self._record(seed, lowest, found is not None)
             yield
         return Status.CONVERGED
@@ -239,6 +247,23 @@ class _Searches:
             return None
         return self._priced(self.pair.dilatancy(held.mechanism), cap, _N.rough)
 
+    def _settled(self, found: CheckedState, cap: float) -> CheckedState:
+        """Returns the member next to one found that loses next to nothing, in place of that one, or
+        the same where pairs do not lead to it. What it loses may be friction at an angle to slip,
+        by the root of that: so much higher may the load factor be."""
+        (member, state), settled = found, _N.settled
+        factor, lost = member.load_factor, member.complementarity
+        if lost <= settled or not self.pair.has_cones:
+            return found
+        assert state.mechanism is not None
+        cap = min(cap, factor + np.sqrt(2.0 * lost) * self.run.scaling.unit(factor))
+        forces = self._priced(self.pair.dilatancy(state.mechanism), cap, _N.exact * settled)
+        finer = self._paired(member.start, forces, cap, settled)
+        if finer is None:
+            return found
+        self.members.remove(found)
+        return finer
+
     def _lowered(self, found: CheckedState) -> CheckedState:
         """Returns a member that is lower than one found: the lowest forces on its mechanism, then
         those on a mechanism of these forces, and so on, as long as that gains."""
@@ -251,8 +276,9 @@ class _Searches:
             held = self._held(forces, exact)
             if forces is None or held is None:
                 break
-            gain = member.load_factor - (forces.load_factor or 0.0)
-            if gain < _N.gaps[0] * self.run.scaling.unit(member.load_factor):
+            unit = self.run.scaling.unit(member.load_factor)
+            gain = (member.load_factor - (forces.load_factor or 0.0)) / unit
+            if gain < _N.gaps[0] or self._loss(forces, held) > _N.sure * gain**2:
                 break
             lower = self._checked(replace(forces, mechanism=held.mechanism), member.start, 2)
             if lower is None:
@@ -261,23 +287,25 @@ class _Searches:
         return found
 
     def _paired(
-        self, label: str, state: LimitState | None, cap: float, iterates: int = 0
+        self,
+        label: str,
+        state: LimitState | None,
+        cap: float,
+        aim: float,
+        iterates: int = 0,
     ) -> CheckedState | None:
         """Solves both problems of the pair in turn, below a cap, until forces and mechanism are a
-        member, and returns it. Where pairs stall come so many ``iterates`` of De Saxce. Returns
+        member that loses no more than ``aim``, and returns it. Where pairs stall come so many ``iterates`` of De Saxce. Returns
         None without any where pairs stall, if a solve fails, or when the budget is spent."""
-        begun, aim = self.pair.solved, self.rule.tolerance
-        finest, loss, before, pairs = max(_N.exact * aim, _N.finest), 1.0, np.inf, 0
+        begun, finest = self.pair.solved, max(_N.exact * aim, _N.finest)
+        loss, before, pairs = 1.0, np.inf, 0
         while state is not None and self.pair.solved < self.until:
-            # Friction held at the state's compressions: the loss, which is below zero only by what
-            # both solves lack, and a mechanism.
+            # Friction held at the state's compressions: the loss, and a mechanism.
             exact = min(max(_N.exact * loss, finest), _N.rough)
             held = self._held(state, exact)
             if held is None or held.mechanism is None:
                 return None
-            factor = state.load_factor or 0.0
-            loss = abs((held.load_factor or 0.0) - factor) / self.run.scaling.unit(factor)
-            pairs += 1
+            loss, pairs = self._loss(state, held), pairs + 1
             # Within the tolerance it is checked; if the checker refuses it, solves become finer.
             if loss <= aim:
                 both = replace(state, mechanism=held.mechanism)
@@ -311,6 +339,12 @@ class _Searches:
             price = np.maximum((1.0 - w) * price + w * following, 0.0)
             state = self._priced(price, cap, tolerance)
         return state
+
+    def _loss(self, state: LimitState, held: LimitState) -> float:
+        """Returns what forces lose on the mechanism of friction held at them, over the load factor;
+        below zero it is what both solves lack."""
+        factor = state.load_factor or 0.0
+        return abs((held.load_factor or 0.0) - factor) / self.run.scaling.unit(factor)
 
     def _random_price(self) -> FloatArray:
         """Returns random prices (n,)."""
