@@ -11,7 +11,7 @@ from cvxlimit import Block, Load, Scene, Solution, builtin_scene, solve
 from cvxlimit.masonry import running_bond, wall
 from cvxlimit.methods.dilatancy.gilbert import Gilbert
 from cvxlimit.methods.dilatancy.least_thrust import lower_bound
-from cvxlimit.methods.dilatancy.lifted import Lifted, lifted_bound
+from benchmarks.lifted import Lifted, lifted_bound
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Run
 

@@ -224,8 +224,7 @@ class _Searches:
             else:
                 label, state = "lowest", self._kicked(lowest[1], cap)
             label = f"search {seed}, {label} {tries}"
-            aim = min(self.rule.tolerance, _N.sure * gap**2)
-            found = self._paired(label, state, cap, aim)
+            found = self._paired(label, state, cap, self._aim(gap))
             # After a hit lower forces on its mechanism, and a cap further down; after a failure one
             # nearer by, and from the least gap on all over again.
             if found is None:
@@ -278,12 +277,14 @@ class _Searches:
                 break
             unit = self.run.scaling.unit(member.load_factor)
             gain = (member.load_factor - (forces.load_factor or 0.0)) / unit
-            if gain < _N.gaps[0] or self._loss(forces, held) > _N.sure * gain**2:
+            if gain <= self.rule.tolerance or self._loss(forces, held) > self._aim(gain):
                 break
             lower = self._checked(replace(forces, mechanism=held.mechanism), member.start, 2)
             if lower is None:
                 break
             found = lower
+            if gain < _N.gaps[0]:
+                break
         return found
 
     def _paired(
@@ -339,6 +340,12 @@ class _Searches:
             price = np.maximum((1.0 - w) * price + w * following, 0.0)
             state = self._priced(price, cap, tolerance)
         return state
+
+    def _aim(self, gain: float) -> float:
+        """Returns what a member may lose that is lower than another by so much of its load
+        factor."""
+        aim = self.rule.tolerance
+        return min(aim, _N.sure * gain**2) if self.pair.has_cones else aim
 
     def _loss(self, state: LimitState, held: LimitState) -> float:
         """Returns what forces lose on the mechanism of friction held at them, over the load factor;

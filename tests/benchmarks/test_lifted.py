@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cvxlimit import Load, Scene, Status, ZeroDilatancy, builtin_scene, solve
+from cvxlimit import Load, Scene, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import running_bond, wall
 from cvxlimit.methods.dilatancy.least_thrust import lower_bound
-from cvxlimit.methods.dilatancy.lifted import (
+from benchmarks.lifted import (
     Lifted,
     LiftedBound,
     _Lift,
@@ -17,7 +17,7 @@ from cvxlimit.methods.dilatancy.lifted import (
     _Products,
     lifted_bound,
 )
-from cvxlimit.methods.driver import Run, drive
+from cvxlimit.methods.driver import Run
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Member
@@ -113,27 +113,10 @@ def test_windows_narrow_from_below(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = built(running_bond(2, 3), 0.3, 0.6)
     found = lowest(scene).load_factor
     several = lifted(scene, 0.0, found, radius=0).load_factor
-    monkeypatch.setattr("cvxlimit.methods.dilatancy.lifted._WORTH", 2.0)
+    monkeypatch.setattr("benchmarks.lifted._WORTH", 2.0)
     one = lifted(scene, 0.0, found, radius=0).load_factor
     assert 0.0 < one < several <= found
     assert found - several < 0.5 * (found - one)
-
-
-def test_interrupted_it_leaves_members_and_bounds() -> None:
-    """Ctrl-C before the second window: members, and the bound of the first."""
-    scene, begun = built(running_bond(2, 3), 0.3, 0.6), []
-
-    def progress(message: str) -> None:
-        begun.extend([message] if "lifted problem" in message else [])
-        if len(begun) > 1:
-            raise KeyboardInterrupt
-
-    rule = ZeroDilatancy(starts=1, descents=0, products=Lifted(radius=0, seconds=PATIENT))
-    solution = drive(rule, Run(scene, progress=progress))
-    low = solution.members[0].load_factor
-    assert solution.status is Status.INTERRUPTED
-    assert 0.0 < solution.lower < low == solution.load_factor  # least thrusts prove nothing here
-    assert "products of forces and rates" in solution.note
 
 
 def test_what_it_cannot_do_is_said() -> None:
