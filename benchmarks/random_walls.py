@@ -1,6 +1,8 @@
-"""Ordinary walls of random stones, which nothing was tuned to: in a plane, and holding back earth."""
+"""Ordinary walls of random stones: in a plane, holding back earth, and around a corner."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,7 +27,7 @@ def planar(seed: int, courses: int = 4) -> Scene:
     for course in range(courses):
         cuts = _cuts(rng, length, int(rng.integers(3, 6)))
         low, high = course * height, (course + 1) * height
-        for k, (start, end) in enumerate(zip(cuts, cuts[1:], strict=False)):
+        for k, (start, end) in enumerate(pairwise(cuts)):
             blocks.append(Block.box(f"s{course}_{k}", (start, 0, low), (end, 0.4, high), 22.0))
     push, friction = Load(acceleration=(1, 0, 0)), float(rng.uniform(0.4, 0.8))
     return Scene(blocks, ["ground"], push, friction=friction, name=f"planar {seed}")
@@ -45,7 +47,7 @@ def retaining(
         cuts = _cuts(rng, length, stones + int(rng.integers(-1, 2)))
         low, high = course * HEIGHT, (course + 1) * HEIGHT
         at = (courses * HEIGHT - (low + high) / 2.0) * 20.0 / 3.0
-        for k, (start, end) in enumerate(zip(cuts, cuts[1:], strict=False)):
+        for k, (start, end) in enumerate(pairwise(cuts)):
             middle = depth * float(rng.uniform(0.4, 0.6))
             parts = [(f"f{course}_{k}", 0.0, middle), (f"b{course}_{k}", middle, depth)]
             if rng.uniform() < 0.5:  # a stone through the wall

@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from cvxlimit import Load, Scene, builtin_scene, solve
-from cvxlimit.errors import ModelError
-from cvxlimit.masonry import running_bond, wall
-from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from benchmarks.lifted import (
     Lifted,
     LiftedBound,
@@ -17,6 +12,11 @@ from benchmarks.lifted import (
     _Products,
     lifted_bound,
 )
+
+from cvxlimit import Load, Scene, ZeroDilatancy, builtin_scene, solve
+from cvxlimit.errors import ModelError
+from cvxlimit.masonry import running_bond, wall
+from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.problem import LimitProblem
 from cvxlimit.reductions.choice import Reductions
@@ -66,6 +66,15 @@ def test_a_mixed_integer_program_agrees(height: float, friction: float) -> None:
     assert proved == pytest.approx(found, rel=1e-6)
     assert lowest(scene).load_factor == pytest.approx(found, rel=1e-6)
     assert lifted(scene, 0.0, found).load_factor == pytest.approx(found, rel=1e-4)
+
+
+@pytest.mark.exhaustive
+def test_the_lowest_of_31_contacts_is_met_from_every_seed() -> None:
+    """Two stones by six courses: the program proves that none is lower."""
+    scene = built(running_bond(2, 6), 0.3, 0.6)
+    ends = [solve(scene, method=ZeroDilatancy(seed=10 * k)).load_factor for k in range(5)]
+    assert ends == pytest.approx([min(ends)] * 5, rel=1e-4)
+    assert lifted(scene, 0.0, min(ends), radius=1).load_factor > min(ends) * (1 - 1e-4)
 
 
 def test_solutions_satisfy_every_row() -> None:

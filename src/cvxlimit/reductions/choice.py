@@ -225,14 +225,14 @@ BUDGET = 300
 SEARCHES = 5
 """As many of them at most unless asked for more, each with a seed of its own."""
 
-PATIENCE = 20.0
+SEARCH_SECONDS = 20.0
 """Seconds that all of them together may take, as far as can be told; one is made in any case."""
 
 
 def searches_in_time(contacts: int, is_plane: bool) -> int:
     """Returns how many searches without dilatancy are made of a scene unless a number is asked for:
     as many as fit the time, which depends on its size alone, not on the machine."""
-    return int(np.clip(PATIENCE / _pace("zero-dilatancy", contacts, is_plane), 1, SEARCHES))
+    return int(np.clip(SEARCH_SECONDS / _pace("zero-dilatancy", contacts, is_plane), 1, SEARCHES))
 
 
 def _pace(method: str, contacts: int, is_plane: bool) -> float:

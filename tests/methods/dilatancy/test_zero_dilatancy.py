@@ -11,16 +11,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.random_walls import planar, retaining
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
-from benchmarks.random_walls import planar, retaining
 from cvxlimit import Block, Load, Scene, Solution, Status, builtin_scene, solve
 from cvxlimit.cli.main import run
 from cvxlimit.errors import ModelError
 from cvxlimit.io import read_result
 from cvxlimit.masonry import single_block
-from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy, _about_zero, agreement
+from cvxlimit.methods.dilatancy.agreement import about_zero, agreement
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.model.formulations import vertex_forces
 from cvxlimit.solution import Search
 from exhaustive import mostly_slow, slow
@@ -121,7 +122,10 @@ def wedge(half: float, dip: float, friction: float) -> Scene:
 
 @pytest.mark.parametrize(
     ("half", "dip", "friction"),
-    [(30, 15, 0.6), *(slow(*each) for each in ((30, 15, 0.57), (30, 15, 0.4), (45, 20, 0.5), (60, 25, 0.6)))],
+    [
+        (30, 15, 0.6),
+        *(slow(*each) for each in ((30, 15, 0.57), (30, 15, 0.4), (45, 20, 0.5), (60, 25, 0.6))),
+    ],
 )
 def test_a_wedge_in_a_groove_to_1e_5(half: float, dip: float, friction: float) -> None:
     """It slides along the groove, closed: mu cos(dip) / sin(half) - sin(dip). The first one has no
@@ -134,11 +138,13 @@ def test_a_wedge_in_a_groove_to_1e_5(half: float, dip: float, friction: float) -
     assert np.isinf(found.upper) == (half == 30 and friction == 0.6)
 
 
-@pytest.mark.parametrize("seed", mostly_slow(range(40), [3]))
-@pytest.mark.parametrize("build", [planar, retaining])
+@pytest.mark.parametrize("seed", mostly_slow(range(20), [3]))
+@pytest.mark.parametrize("build", [planar, slow(retaining)])
 def test_random_walls(build: Callable[[int], Scene], seed: int) -> None:
     """Every member by a second writing, and the same lowest one from other seeds."""
     scene = build(seed)
+    ids = [scene.blocks[i].id for i in scene.free]
+    scene = scene.with_live(Load(forces=dict(zip(ids, map(tuple, scene.live_forces), strict=True))))
     found = solve(scene, method=ZeroDilatancy(searches=3))
     for member in (found.members[0], found.members[-1]):
         assert_member(scene, member.forces, member.mechanism, member.load_factor)
@@ -171,9 +177,9 @@ def test_rotation(turn: FloatArray) -> None:
 def test_a_slope_that_stands_by_its_state_of_forces() -> None:
     """A block on a slope that is too steep, held by a wedge of stone: 0 lies between members, or
     all are below it, and that is said."""
-    assert "0 lies between" in _about_zero(-0.1, 0.2)
-    assert "below zero" in _about_zero(-0.2, -0.1)
-    assert _about_zero(0.1, 0.2) == ""
+    assert "0 lies between" in about_zero(-0.1, 0.2)
+    assert "below zero" in about_zero(-0.2, -0.1)
+    assert about_zero(0.1, 0.2) == ""
 
 
 class TestAgreement:
@@ -184,7 +190,7 @@ class TestAgreement:
     def test_apart(self) -> None:
         ends = ((0.868, 10), (0.740, 290), (0.744, 30))
         said = agreement([Search(k, factor, 300, at) for k, (factor, at) in enumerate(ends)])
-        assert said.startswith("0.74, 0.744, 0.868: searches do not agree, there may be lower")
+        assert said.startswith("0.7400, 0.7440, 0.8680: searches do not agree, there may be lower")
         assert "the last gain came after 290 of 300 solves" in said
         assert "--searches" in said
 

@@ -150,9 +150,7 @@ class Pair:
             self._price.value, self._most.value = np.zeros(len(self._kept)), 1.0
             self.has_cones = self._priced.shape.cones > 0
 
-    def priced(
-        self, price: FloatArray, tolerance: float, cap: float = np.inf
-    ) -> LimitState:
+    def priced(self, price: FloatArray, tolerance: float, cap: float = np.inf) -> LimitState:
         """Solves for the largest load factor, up to a ``cap``, less prices (n,) times compressions,
         and returns the state."""
         unit = self.run.scaling.load_factor(1.0)

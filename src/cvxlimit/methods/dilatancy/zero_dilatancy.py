@@ -21,6 +21,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import ConvexSearch, standing
+from cvxlimit.methods.dilatancy.agreement import about_zero, agreement
 from cvxlimit.methods.dilatancy.least_thrust import PATIENCE, is_covered, lower_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.dilatancy.pair import Pair, pressed
@@ -36,15 +37,13 @@ class _Numbers:
     """The numbers of the search. Only which members it finds, and how fast, depends on them: every
     member is checked. They were chosen on random walls (:mod:`benchmarks.random_walls`)."""
 
-    # Iterates of De Saxce before the first pair, and where pairs stall, if friction is a cone, and
-    # the weights of new prices in them, in turn. Some errors keep their sign from one iterate to
-    # the next, others change it: weights about 1, as Chebyshev's for eigenvalues from -1 to 0.6,
-    # take a third of the problems off that 0.8 alone needs. Where friction is linear there are
-    # finitely many mechanisms: pairs end in a few steps.
+    # Iterates of De Saxce before the first pair and where it stalls, if friction is a cone, and the
+    # weights of new prices in them, in turn. Some errors keep their sign from one iterate to the
+    # next, others change it: hence weights about 1, as Chebyshev's for eigenvalues from -1 to 0.6.
+    # Where friction is linear there are finitely many mechanisms: pairs end in a few steps.
     iterates: int = 12
     weights: tuple[float, ...] = (0.6, 0.9, 1.6)
-    # Tolerance of problems: at most the first, which the next problem corrects; over the loss that
-    # a pair is to lower; and the smallest of all, where rounding begins.
+    # Tolerance of problems: at most this; over the loss to be lowered; where rounding begins.
     rough: float = 1e-4
     exact: float = 0.01
     finest: float = 1e-11
@@ -73,9 +72,6 @@ class _Numbers:
 
 
 _N = _Numbers()
-
-AGREE = 1e-3
-"""Relative difference of load factors up to which searches agree."""
 
 
 @dataclass(frozen=True)
@@ -296,8 +292,9 @@ class _Searches:
         iterates: int = 0,
     ) -> CheckedState | None:
         """Solves both problems of the pair in turn, below a cap, until forces and mechanism are a
-        member that loses no more than ``aim``, and returns it. Where pairs stall come so many ``iterates`` of De Saxce. Returns
-        None without any where pairs stall, if a solve fails, or when the budget is spent."""
+        member that loses no more than ``aim``, and returns it. Where pairs stall come so many
+        ``iterates`` of De Saxce. Returns None where pairs stall without any, if a solve fails, or
+        when the budget is spent."""
         begun, finest = self.pair.solved, max(_N.exact * aim, _N.finest)
         loss, before, pairs = 1.0, np.inf, 0
         while state is not None and self.pair.solved < self.until:
@@ -432,23 +429,17 @@ class _Searches:
                 internal=internal, searches=tuple(self.done),
             )  # fmt: skip
             span = " to ".join(rounded(m.load_factor) for m in (members[0], members[-1]))
-            worst = max(m.residual for m in members)
             number = f"{len(members)} solutions" if len(members) > 1 else "one solution"
-            remarks.append(
-                f"{number} without dilatancy found, {span}, each to {worst:.0e} of its load factor"
-            )
+            worst = f"each to {max(m.residual for m in members):.0e} of its load factor"
+            remarks.append(f"{number} without dilatancy found, {span}, {worst}")
             is_proved = best.load_factor <= bracket.lower + self.rule.tolerance * bracket.unit
             remarks.append("no solution is lower" if is_proved else agreement(self.done))
-            remarks.append(_about_zero(best.load_factor, members[-1].load_factor))
+            remarks.append(about_zero(best.load_factor, members[-1].load_factor))
         else:
-            least = (
-                f"; in {self.pair.solved} problems the smallest loss was {self.smallest:.1e} of the "
-                "load factor"
-            )
             remarks.append(
-                "no solution without dilatancy was found, which does not say that there is none"
-                f"{least if np.isfinite(self.smallest) else ''}: search on with more searches, "
-                "another seed or a larger budget (--searches, --seed, --budget)"
+                "no solution without dilatancy was found, which does not say that there is none; "
+                f"in {self.pair.solved} problems the smallest loss was {self.smallest:.1e} of the "
+                "load factor: search on with --searches, --seed or --budget"
             )
         named_ends = (
             (bracket.lower, f"none is below {rounded_down(bracket.lower)}, by least thrusts"),
@@ -456,43 +447,5 @@ class _Searches:
         )
         ends = " and ".join(words for end, words in named_ends if np.isfinite(end))
         if ends:
-            remarks.append(
-                f"the bracket is one of all solutions without dilatancy: {ends}"
-            )
+            remarks.append(f"the bracket is one of all solutions without dilatancy: {ends}")
         run.remarks = [*filter(None, remarks)]
-
-
-def agreement(searches: list[Search]) -> str:
-    """Returns what searches that ended say of each other: whether they agree, and if not where they
-    ended and how late the lowest gained last. No search says that there is nothing lower."""
-    found = sorted(s.load_factor for s in searches if s.load_factor is not None)
-    if not found:
-        return ""
-    lowest = min(searches, key=lambda s: np.inf if s.load_factor is None else s.load_factor)
-    more = "search on with more (--searches) or longer ones (--budget)"
-    last = f"the last gain came after {lowest.last_gain} of {lowest.solves} solves"
-    if len(searches) == 1:
-        return (
-            f"one search (seed {lowest.seed}) ended at {rounded(found[0], 4)}, {last}; whether "
-            f"there are lower ones is not known: {more}"
-        )
-    are_all = len(found) == len(searches)
-    if are_all and found[-1] - found[0] <= AGREE * max(map(abs, found)):
-        return (
-            f"{len(searches)} searches agree on {rounded(found[0], 4)}; "
-            "whether there are lower ones is not known"
-        )
-    ends = ", ".join([*(rounded(factor, 4) for factor in found), *["none"] * (not are_all)])
-    return f"{ends}: searches do not agree, there may be lower ones; {last}: {more}"
-
-
-def _about_zero(lowest: float, highest: float) -> str:
-    """Returns a sentence on load factors below zero, if there are any."""
-    if lowest >= 0.0:
-        return ""
-    if highest > 0.0:
-        return (
-            "0 lies between solutions: whether this stands under its dead load alone depends on "
-            "the state of forces that it is in"
-        )
-    return "the load factors are below zero: in these states of forces the dead load slides alone"
