@@ -429,7 +429,7 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
     elif status is Status.SOLVER_FAILED:
         sentences = [run.failure, status.advice]
     else:
-        # advice is left out that would be the method that has just failed
+        # no advice to use the method that has just failed
         is_plain = status.is_good or status is Status.NOT_CERTIFIED
         is_plain = is_plain or f"'{method.name}'" in status.advice
         sentences = ["" if is_plain else status.advice, basis, *run.remarks]

@@ -62,7 +62,7 @@ def _solution_rows(solution: Solution) -> Rows:
     if solution.lumped is not None:
         yield "lumped", str(solution.lumped)
     if not solution.status.is_good:
-        yield "note", solution.note or solution.status.advice
+        yield "note", solution.note or solution.advice
 
 
 def card(title: str, rows: Rows, image: bytes | None) -> str:

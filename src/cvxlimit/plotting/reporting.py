@@ -86,7 +86,7 @@ def _result(solution: Solution, without: Solution | None) -> Rows:
     if solution.bracket.has_any:
         low, high = rounded_down(solution.lower, 6), rounded_up(solution.upper, 6)
         yield "bracket", f"between {low} and {high}{unit}, relative width {solution.gap:.1e}"
-    yield "status", f"{solution.standing}: {solution.status.advice}"
+    yield "status", f"{solution.standing}: {solution.advice}"
     sliding, lumped = str(solution.dilatancy or ""), str(solution.lumped or "")
     basis = solution.note
     for said in (lumped, sliding):

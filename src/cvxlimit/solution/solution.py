@@ -153,6 +153,13 @@ class Solution:
         return f"Solution({what}: {value}{inside}, {self.standing})"
 
     @property
+    def advice(self) -> str:
+        """What the status means and what to do: no method that has just failed, but what is known
+        then."""
+        general = self.status.advice
+        return self.note if f"'{self.flow}'" in general else general
+
+    @property
     def standing(self) -> str:
         """The status, and the width of the bracket with interaction, or of the last iterates."""
         width = 0.0 if self.interaction == "none" else self.gap

@@ -253,6 +253,7 @@ class TestSmall:
         assert "the smallest loss was" in solution.note
         assert "none above 0.40369" in solution.note
         assert "method 'zero-dilatancy'" not in solution.note
+        assert solution.advice == solution.note
         assert not solution.members
 
     def test_command_line_and_file(self, tmp_path: Path) -> None:

@@ -64,8 +64,8 @@ class _Numbers:
     # by the angle itself: a cap close by would find that, and no member.
     sure: float = 0.01
     settled: float = 1e-10  # What a member loses that is settled.
-    # How far below the lowest member the cap is: the least, the first and the largest gap, over the
-    # load factor, and what a failure and a hit make of it.
+    # Gap of the cap below the lowest member, over its load factor: the least, the first and the
+    # largest one, and what a failure and a hit make of it.
     gaps: tuple[float, float, float] = (1e-3, 0.1, 0.3)
     narrower: float = 0.75
     wider: float = 1.5
@@ -197,8 +197,7 @@ class _Searches:
         price = self.pair.dilatancy(mechanism)
         upper = self.run.best.bracket.upper
         cap = upper + self.run.scaling.unit(upper)  # out of the way
-        state = self._priced(price, cap, _N.rough)
-        state = self._iterated(state, price, cap, _N.rough)
+        state = self._iterated(self._priced(price, cap, _N.rough), price, cap, _N.rough)
         found = self._paired("associated", state, cap, self.rule.tolerance, self.iterates)
         return None if found is None else self._settled(found, cap)
 
@@ -209,8 +208,7 @@ class _Searches:
         least, gap, largest = _N.gaps
         self.done.append(Search(seed, None if first is None else first[0].load_factor, 0, 0))
         while self.pair.solved < self.until:
-            # The cap, below the lowest member of this search; without one, below all that there
-            # may be.
+            # The cap, below the lowest member of this search, or below all that there may be.
             tries += 1
             factor = run.best.bracket.upper if lowest is None else lowest[0].load_factor
             cap = factor - gap * run.scaling.unit(factor) if np.isfinite(factor) else np.inf
@@ -436,10 +434,11 @@ class _Searches:
             remarks.append("no solution is lower" if is_proved else agreement(self.done))
             remarks.append(about_zero(best.load_factor, members[-1].load_factor))
         else:
+            least = f"the smallest loss was {self.smallest:.1e} of the load factor"
             remarks.append(
                 "no solution without dilatancy was found, which does not say that there is none; "
-                f"in {self.pair.solved} problems the smallest loss was {self.smallest:.1e} of the "
-                "load factor: search on with --searches, --seed or --budget"
+                f"{least if np.isfinite(self.smallest) else 'no pair of problems was solved'}: "
+                "search on with --searches, --seed or --budget"
             )
         named_ends = (
             (bracket.lower, f"none is below {rounded_down(bracket.lower)}, by least thrusts"),

@@ -108,7 +108,7 @@ def _said(solution: Solution) -> tuple[str, str]:
         if solution.is_proved:
             note = note.removeprefix("both bounds are proved, up to rounding").removeprefix("; ")
     else:
-        first = f"{solution.standing}: {unsafe or solution.status.advice}"
+        first = f"{solution.standing}: {unsafe or solution.advice}"
     return sentences(first), sentences(note)
 
 
