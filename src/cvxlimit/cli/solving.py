@@ -189,7 +189,7 @@ def deliver(
 class Order:
     """What ``cvxlimit solve`` was asked to do."""
 
-    scene: str = argument("Built-in name, or scene file; for a file of the same name write ./NAME.")
+    scene: str = argument("Built-in name, or scene file (./NAME for one of the same name).")
     surface: str = option(
         "NAME",
         "Yield surface: conic, the exact cone (default); parabolic, nearer exact torsion; octagon "
@@ -198,8 +198,7 @@ class Order:
     )
     method: str | None = option(
         "NAME",
-        f"{either(TABLE).replace('convex', 'convex (default)')}: cvxlimit explain SCENE says what "
-        "each answers, and how long it takes.",
+        f"{either(TABLE).replace('convex', 'convex (default)')}; see cvxlimit explain SCENE.",
     )
     moments: str | None = option(
         "NAME",
@@ -212,8 +211,8 @@ class Order:
     )
     model: str = option(
         "NAME",
-        "Size of the model: auto (default), reduced where that saves time; full; or least, the "
-        "smallest that is valid. Bounds always hold for the full scene.",
+        "auto (default), reduced where that saves time; full; or least, the smallest that is "
+        "valid. Bounds hold for the full scene.",
         "auto",
     )
     json: Path | None = result_option()
@@ -238,26 +237,22 @@ class Order:
     )
     tolerance: float | None = option(
         "WIDTH",
-        "Relative width of the bracket, or change at which iterations stop. Unless given: 1e-5; "
-        "fixed point 1e-4; exact 1e-3; certified 1 % as time allows (5 % counts).",
+        "Relative width of the bracket, or last change: 1e-5; fixed point 1e-4; exact 1e-3; "
+        "certified 1 % as time allows (5 % counts).",
         group=EFFORT,
     )
     branching_seconds: float | None = option(
         "S",
-        "Seconds of branch and bound, of the certified method; unless given, 60 with a tolerance "
-        "or up to 6 contacts, else 10.",
+        "Of branch and bound; unless given, 60 with a tolerance or up to 6 contacts, else 10.",
         group=EFFORT,
     )
     workers: int = option("N", "Processes of branch and bound.", 1, group=EFFORT)
     searches: int | None = option(
         "N",
-        "Searches for low members without dilatancy; unless given, as many as cvxlimit explain "
-        "SCENE names.",
+        "Without dilatancy, each from a new seed.",
         group=EFFORT,
     )
-    budget: int | None = option(
-        "N", f"Problems that each search solves; unless given, {BUDGET}.", group=EFFORT
-    )
+    budget: int | None = option("N", f"Of each search; unless given, {BUDGET}.", group=EFFORT)
     seed: int | None = option("N", "Seed of the first search; unless given, 0.", group=EFFORT)
 
     def settings(self) -> dict[str, Any]:
