@@ -189,7 +189,7 @@ def deliver(
 class Order:
     """What ``cvxlimit solve`` was asked to do."""
 
-    scene: str = argument("Built-in name, or scene file (./NAME for one of the same name).")
+    scene: str = argument("Built-in name, or scene file: ./NAME if both.")
     surface: str = option(
         "NAME",
         "Yield surface: conic, the exact cone (default); parabolic, nearer exact torsion; octagon "
@@ -237,8 +237,8 @@ class Order:
     )
     tolerance: float | None = option(
         "WIDTH",
-        "Relative width of the bracket, or last change: 1e-5; fixed point 1e-4; exact 1e-3; "
-        "certified 1 % as time allows (5 % counts).",
+        "Width of the bracket, or last change: 1e-5; fixed point 1e-4; exact 1e-3; certified 1 % "
+        "as time allows.",
         group=EFFORT,
     )
     branching_seconds: float | None = option(

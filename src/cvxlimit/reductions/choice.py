@@ -225,7 +225,7 @@ BUDGET = 300
 SEARCHES = 5
 """As many of them at most unless asked for more, each with a seed of its own."""
 
-SEARCH_SECONDS = 20.0
+SEARCH_SECONDS = 40.0
 """Seconds that all of them together may take, as far as can be told; one is made in any case."""
 
 
