@@ -273,7 +273,7 @@ class _Searches:
             gain = (member.load_factor - (forces.load_factor or 0.0)) / unit
             if gain <= self.rule.tolerance or self._loss(forces, held) > self._aim(gain):
                 break
-            lower = self._checked(replace(forces, mechanism=held.mechanism), member.start, 2)
+            lower = self._checked(replace(forces, mechanism=held.mechanism), member.start)
             if lower is None:
                 break
             found = lower
@@ -293,8 +293,7 @@ class _Searches:
         member that loses no more than ``aim``, and returns it. Where pairs stall come so many
         ``iterates`` of De Saxce. Returns None where pairs stall without any, if a solve fails, or
         when the budget is spent."""
-        begun, finest = self.pair.solved, max(_N.exact * aim, _N.finest)
-        loss, before, pairs = 1.0, np.inf, 0
+        finest, loss, before, pairs = max(_N.exact * aim, _N.finest), 1.0, np.inf, 0
         while state is not None and self.pair.solved < self.until:
             # Friction held at the state's compressions: the loss, and a mechanism.
             exact = min(max(_N.exact * loss, finest), _N.rough)
@@ -305,7 +304,7 @@ class _Searches:
             # Within the tolerance it is checked; if the checker refuses it, solves become finer.
             if loss <= aim:
                 both = replace(state, mechanism=held.mechanism)
-                member = self._checked(both, label, self.pair.solved - begun)
+                member = self._checked(both, label)
                 if member is not None:
                     return member
                 finest = max(0.1 * finest, _N.finest)
@@ -391,11 +390,11 @@ class _Searches:
             run.best = replace(run.best, bracket=bracket)
         self._report()
 
-    def _checked(self, state: LimitState, label: str, iterations: int) -> CheckedState | None:
+    def _checked(self, state: LimitState, label: str) -> CheckedState | None:
         """Checks a state's forces and mechanism. Returns the member and keeps it if its residual is
         within the tolerance; otherwise returns None."""
         with self.run.clock.phase("certify"):
-            member = self.verifier.member(state, label, iterations)
+            member = self.verifier.member(state, label, self.pair.solved - self.begun)
         if member is None or member.residual > self.rule.tolerance:
             return None
         self.members.append((member, state))
