@@ -100,7 +100,8 @@ class Given:
         check_values(self.parameters())
         scene = self.assemblage.scene
         values = {name: np.array(number(value)) for name, value in self.joints.items()}
-        if np.isinf(values.get("compressive_strength", 0.0)).any():
+        strength = values.get("compressive_strength", np.zeros(len(scene.contacts)))
+        if np.isinf(strength[scene.contacts.faces]).any():
             raise ModelError(
                 "compressive_strength as a Parameter must be finite, got inf: leave it out where "
                 "joints do not crush, or give a large number"
