@@ -42,7 +42,7 @@ from cvxlimit.io import (
 )
 from cvxlimit.io.fields import laid_out
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member
+from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Search
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import Dilatancy
 from malformed_scenes import GOLDEN
@@ -213,7 +213,8 @@ SOLUTION = {
     "mechanism": {"b": np.arange(6.0)},
     "note": "so it is",
     "versions": {"cvxpy": "1.9"}, "torsion_shear": "exact", "flow": "zero-dilatancy",
-    "members": (MEMBER,), "iteration": Iteration(None, None, 0.1, 0.3, 20),
+    "members": (MEMBER,), "searches": (Search(3, 0.4, 300, 120), Search(4, None, 300, 0)),
+    "iteration": Iteration(None, None, 0.1, 0.3, 20),
     "lower_end": LowerEnd(0.1, Bracket(**EVERY[Bracket]), np.ones((1, 6)), {"b": np.arange(6.0)}),
     "dilatancy": Dilatancy(0.5, ("a-b",), 2), "model": ("planar",), "quantity": "reaction",
     "contact_names": ("a-b",), "units": Units("cm", "N"), "internal": np.arange(3.0),

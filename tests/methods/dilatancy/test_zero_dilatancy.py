@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -11,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.random_walls import planar, retaining
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
@@ -136,20 +134,6 @@ def test_a_wedge_in_a_groove_to_1e_5(half: float, dip: float, friction: float) -
     found = solve(wedge(half, dip, friction), method=ZeroDilatancy(searches=2))
     assert found.load_factor == pytest.approx(closed, rel=1e-5)
     assert np.isinf(found.upper) == (half == 30 and friction == 0.6)
-
-
-@pytest.mark.parametrize("seed", mostly_slow(range(20), [3]))
-@pytest.mark.parametrize("build", [planar, slow(retaining)])
-def test_random_walls(build: Callable[[int], Scene], seed: int) -> None:
-    """Every member by a second writing, and the same lowest one from other seeds."""
-    scene = build(seed)
-    ids = [scene.blocks[i].id for i in scene.free]
-    scene = scene.with_live(Load(forces=dict(zip(ids, map(tuple, scene.live_forces), strict=True))))
-    found = solve(scene, method=ZeroDilatancy(searches=3))
-    for member in (found.members[0], found.members[-1]):
-        assert_member(scene, member.forces, member.mechanism, member.load_factor)
-    other = solve(scene, method=ZeroDilatancy(searches=3, seed=10))
-    assert found.load_factor == pytest.approx(other.load_factor, rel=1e-2)
 
 
 @pytest.mark.exhaustive

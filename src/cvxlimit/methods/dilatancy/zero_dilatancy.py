@@ -80,11 +80,11 @@ class ZeroDilatancy(Method):
 
     Two convex problems alternate (:mod:`~cvxlimit.methods.dilatancy.pair`): the load factor with
     friction held at the compressions of the last forces, whose mechanism slides without opening,
-    and the load factor less a price on compressions: the dilatancy of the last mechanism. What
+    and the load factor less a penalty on compressions: the dilatancy of the last mechanism. What
     forces and mechanism lose falls, and where it vanishes they are a member. A member is accepted
     if equilibrium, yield, flow and complementarity, recomputed outside the solver, are within the
     tolerance. A search then asks for forces below a cap, a little under its lowest member: from
-    there every member is a lower one. It starts again and again, from random prices or from its
+    there every member is a lower one. It starts again and again, from random penalties or from its
     lowest member, changed at random.
 
     Associated friction bounds all solutions from above, and so does its proved upper bound here:
