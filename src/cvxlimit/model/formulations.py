@@ -291,8 +291,8 @@ def is_weak(contacts: Contacts) -> NDArray[np.bool_]:
     """Contacts that may crush, (n,): where the strength is a Parameter all, unless they say."""
     strength = contacts.compressive_strength
     if isinstance(strength, cp.Expression):
-        return getattr(contacts, "crushes", np.ones(len(contacts), dtype=bool))
-    return np.isfinite(strength)
+        return getattr(contacts, "crushes", ~contacts.is_point)
+    return np.isfinite(strength) & ~contacts.is_point
 
 
 def corner_compressions(contacts: Contacts) -> ForceModel:
