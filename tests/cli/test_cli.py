@@ -18,13 +18,24 @@ import numpy as np
 import pytest
 
 import cvxlimit
-from cvxlimit import Block, Iterate, Load, Scene, Solution, Status, builtin_scene
+from cvxlimit import (
+    Block,
+    Iterate,
+    Load,
+    Scene,
+    Solution,
+    Status,
+    Vehicle,
+    builtin_scene,
+    envelope,
+    passive,
+)
 from cvxlimit.cli import main as cli
 from cvxlimit.cli import report, solving
 from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
 from cvxlimit.io import read_result, write_scene
-from cvxlimit.masonry import BUILTIN
+from cvxlimit.masonry import BUILTIN, Arch, bridge
 from cvxlimit.methods.table import TABLE
 from cvxlimit.plotting import PICTURES
 from cvxlimit.readings.named import MOMENTS
@@ -757,3 +768,32 @@ def test_a_scene_without_a_support_is_bad_input(run: Run, tmp_path: Path, verb: 
     path.write_text(json.dumps(document))
     outcome = run(verb, str(path))
     assert_refused(outcome, "has no support, so that nothing can stand: name the fixed blocks")
+
+
+def test_a_vehicle_crosses_a_bridge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same as in Python, with soil; what is beside the bridge has no limit, and the page is of
+    the worst position."""
+    plain = bridge(Arch(3.0, 0.75, voussoirs=8), thickness=0.2, width=1.0, cover=0.2)
+    scene, files = tmp_path / "bridge.json", [tmp_path / f"e.{x}" for x in ("csv", "png", "html")]
+    write_scene(plain, scene)
+    asked = ["envelope", str(scene), "--level", "1.15", "--axle", "0,30", "--axle", "1,50",
+             "--one-way", "--soil", "20,1.5"]  # fmt: skip
+    outputs = [x for file in files for x in ("--" + {".csv": "csv", ".png": "plot"}.get(
+        file.suffix, "report"), str(file))]  # fmt: skip
+    assert cli.run([*asked, "--positions", "-5,3,5", *outputs]) == 0
+    held = replace(plain, reactions=passive(plain, 1.15, 20.0, 1.5))
+    vehicle = Vehicle([(0.0, 30.0), (1.0, 50.0)])
+    found = envelope(held, vehicle, [-5, -3, -1, 1, 3], 1.15, both_ways=False)
+    rows = [line.split(",") for line in files[0].read_text().splitlines()[1:]]
+    assert [float(row[2]) for row in rows] == pytest.approx(found.to_dataframe()["load_factor"])
+    page = files[2].read_text("utf-8")
+    assert "Positions of a vehicle" in page
+    assert "least load factor" in page
+    capsys.readouterr()
+    for wrong, message in (
+        (["--positions", "0,1"], "3 numbers are meant, as in -1,12,27"),
+        (["--positions", "0,1,2.5"], "must be whole"),
+        (["--positions", "0,1,2", "--spread", "half"], "1 numbers are meant, as in 0.5, or bous"),
+    ):
+        assert cli.run([*asked, *wrong]) == 2
+        assert message in capsys.readouterr().err

@@ -42,12 +42,14 @@ def report(
     digest: str,
     path: Any = None,
     check: Any = None,
+    envelope: Any = None,
     sensitivity: Any = None,
     without_dilatancy: Solution | None = None,
 ) -> Page:
     """Returns the page of :meth:`cvxlimit.Solution.report`; ``digest`` is the scene's."""
     scene = solution.scene
     extras = {"Sensitivity": sensitivity, "Path": path, "Code check": check}
+    extras["Positions of a vehicle"] = envelope
     falling = solution if without_dilatancy is None else without_dilatancy
     sections = [
         ("Result", _table(_result(solution, without_dilatancy), "result")),
@@ -317,12 +319,16 @@ def _path(path: Path) -> Rows:
 
 
 def _shown(value: Any) -> str:
-    """Returns as HTML a path, a mapping, a pandas table, anything with ``rows``, or the text of any
-    other object."""
+    """Returns as HTML a path, an envelope, a mapping, a pandas table, anything with ``rows``, or
+    the text of any other object."""
     if isinstance(value, Path):
         return f"<p><strong>{_text(sentences(value.headline))}</strong></p>" + (
             _table(_path(value)) + _curve(value)
         )
+    if hasattr(value, "crossings"):
+        drawn = _figure(value.plot(figsize=(5.2, 2.9)), "load factors at all positions")
+        said = "".join(f"<p>{_text(sentences(line))}</p>" for line in str(value).splitlines())
+        return f'{said}<div class="pictures">{drawn}</div>'
     if hasattr(value, "columns") and hasattr(value, "itertuples"):
         named = [value.index.name or "", *map(str, value.columns)]
         return _grid(value.itertuples(), named)
