@@ -90,11 +90,15 @@ def earth_pressure(
     direction: ArrayLike,
     surcharge: float = 0.0,
     blocks: Collection[str] | None = None,
+    *,
+    water: float | None = None,
+    submerged: float | None = None,
 ) -> tuple[Pressure, ...]:
     """Soil behind a structure: coefficient x (unit weight x depth + surcharge), at right angles.
 
     The faces, and all arguments not named here, are those of :func:`hydrostatic`. No friction
-    between soil and wall is assumed, which lies on the safe side for a wall pushed by it.
+    between soil and wall is assumed, which lies on the safe side for a wall pushed by it;
+    :func:`~cvxlimit.coulomb_pressure` has it.
 
     Parameters
     ----------
@@ -105,6 +109,9 @@ def earth_pressure(
         tan(45 degrees - phi / 2)^2.
     surcharge : float, optional
         Force per area on the soil's surface.
+    water, submerged : float, optional
+        Level of ground water, and the soil's unit weight below it: less by that of water. What the
+        water presses itself is :func:`hydrostatic` with the same level.
 
     Raises
     ------
@@ -124,18 +131,21 @@ def earth_pressure(
     top = float(coefficient) * not_negative(surcharge, "surcharge")
     up, faces = upwards(scene), looking(scene, direction, blocks)
     low, high = _below(scene, level, up, faces)
+    lost = coefficient * lost_below(unit_weight, level, water, submerged)
+    layers = ((level, gamma, top), (level if water is None else water, -lost, 0.0))
     found = [
         Pressure(
             face.block.id,
             face.normal.tolist(),
-            top,
-            (-gamma * up + 0.0).tolist(),
-            at=(level * up + 0.0).tolist(),
+            first,
+            (-growth * up + 0.0).tolist(),
+            at=(surface * up + 0.0).tolist(),
             within=(-up + 0.0).tolist(),
             corners=face.corners.tolist(),
         )
         for face in faces
-        if float((face.corners @ up).min()) < level
+        for surface, growth, first in layers
+        if float((face.corners @ up).min()) < surface and (growth or first)
     ]
     if not found:
         raise InputError(
@@ -143,6 +153,24 @@ def earth_pressure(
             f"between the heights {low:g} and {high:g}: give a level above the lowest"
         )
     return tuple(found)
+
+
+def lost_below(
+    unit_weight: float, level: float, water: float | None, submerged: float | None
+) -> float:
+    """By how much soil weighs less below ground water, per volume."""
+    if (water is None) != (submerged is None):
+        raise InputError("water and submerged go together: give both, or neither")
+    if water is None or submerged is None:
+        return 0.0
+    finite_vector([water], 1, "water")
+    below = not_negative(submerged, "submerged")
+    if water > level or below > unit_weight:
+        raise InputError(
+            f"water {water:g} must not be above level {level:g}, nor submerged {below:g} above "
+            f"unit_weight {unit_weight:g}: a flood in front of or over soil is hydrostatic's"
+        )
+    return float(unit_weight - below)
 
 
 def uplift(
