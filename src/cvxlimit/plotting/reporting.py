@@ -141,7 +141,7 @@ def _figure(drawn: Any, text: str) -> str:
 
 
 def _structure(scene: Scene) -> Rows:
-    """Yields facts about blocks, supports, contacts and ties."""
+    """Yields facts about blocks, supports, contacts, ties and reactions."""
     unit = scene.units
     free = [scene.blocks[i] for i in scene.free]
     yield "free blocks", f"{len(free)}, weight {scene.total_weight:.6g} {unit.force}"
@@ -153,11 +153,20 @@ def _structure(scene: Scene) -> Rows:
     tolerance = "one hundredth of the thinner block's mean thickness"
     if scene.joint_tolerance is not None:
         tolerance = f"{scene.joint_tolerance:g} {unit.length}"
-    yield "contacts", f"{len(scene.contacts)}, found within a joint tolerance of {tolerance}"
+    joints = len(scene.contacts.faces)
+    yield "contacts", f"{joints}, found within a joint tolerance of {tolerance}"
     for tie in scene.ties[:MOST_NAMES]:
         yield (
             "tie",
             f"{_names([tie.a])} - {_names([tie.b])}, yields at {tie.yield_force:g} {unit.force}",
+        )
+    if scene.reactions:
+        most = _range(np.array([each.most for each in scene.reactions]))
+        pushed = _names(list(dict.fromkeys(each.block for each in scene.reactions)))
+        yield (
+            "reactions",
+            f"{len(scene.reactions)} forces of a fixed direction, each as large as equilibrium "
+            f"needs, up to its bound: {most} {unit.force}; on {pushed}",
         )
     yield from (("simplified", remark) for remark in scene.told)
     if not scene.told:
