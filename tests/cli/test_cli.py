@@ -29,17 +29,19 @@ from cvxlimit import (
     builtin_scene,
     envelope,
     passive,
+    solve,
 )
 from cvxlimit.cli import main as cli
 from cvxlimit.cli import report, solving
 from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
-from cvxlimit.io import read_result, write_scene
+from cvxlimit.io import read_result, read_scene, write_scene
 from cvxlimit.masonry import BUILTIN, Arch, bridge
 from cvxlimit.methods.table import TABLE
 from cvxlimit.plotting import PICTURES
 from cvxlimit.readings.named import MOMENTS
 from cvxlimit.solution.bracket import Bracket
+from helpers import assert_certified
 from malformed_scenes import MALFORMED
 
 Run = Callable[..., tuple[int, str, str]]
@@ -797,3 +799,27 @@ def test_a_vehicle_crosses_a_bridge(tmp_path: Path, capsys: pytest.CaptureFixtur
     ):
         assert cli.run([*asked, *wrong]) == 2
         assert message in capsys.readouterr().err
+
+
+def test_import_with_what_surrounds_a_wall(run: Run, tmp_path: Path) -> None:
+    """Two stones of 20 each, earth of 10.8 that pushes, soil before the toe that holds 3.375, water
+    that pushes 9.81 / 2, fill of 20 on top."""
+    table = tmp_path / "wall.csv"
+    rows = "g,-1,0,-1,3,1,0,,1\nb1,0,0,0,1,1,1,20,\nb2,0,0,1,1,1,2,20,\n"
+    table.write_text("id,xmin,ymin,zmin,xmax,ymax,zmax,density,support\n" + rows)
+    earth, water = ("--earth", "2,18,0.3,-1,0,0"), ("--water", "1,9.81,-1,0,0")
+    soil, fill = ("--soil", "0.5,18,1.5,1,0,0"), ("--fill", "3,20")
+    for live, more, by_hand in (
+        ("pressures", (*earth, *soil), (0.3 * 40.0 + 3.375) / 10.8),
+        ("pressures", (*earth, *water, *fill), 0.3 * 60.0 / (10.8 + 9.81 / 2.0)),
+        ("1,0,0", (*earth,), (0.3 * 40.0 - 10.8) / 40.0),
+    ):
+        asked = ("import", str(table), "-o", "scene.json", "--length-unit", "m", "--up", "z",
+                 "--friction", "0.3", "--live", live)  # fmt: skip
+        assert run(*asked, *more)[0] == 0
+        found = solve(read_scene("scene.json"))
+        assert_certified(found)
+        assert found.load_factor == pytest.approx(by_hand, rel=1e-6)
+    Path("scene.json").unlink()
+    assert_refused(run(*asked[:-1], "pressures"), "give --earth or --water")
+    assert_refused(run(*asked, "--fill", "3"), "2 numbers are meant, as in 3,20")

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,15 @@ from rich.text import Text
 
 from cvxlimit.base.files import write_file
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import OUTPUT, argument, command_of, option, surface_option, vector
+from cvxlimit.cli.options import (
+    OUTPUT,
+    argument,
+    command_of,
+    numbers,
+    option,
+    surface_option,
+    vector,
+)
 from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
@@ -45,7 +52,7 @@ class Crossed:
     soil: str | None = option(
         "WEIGHT,K", "Soil up to the road that resists: its unit weight, and K; see passive."
     )
-    one_way: bool = option("", "Leave out the way back.", False)
+    one_way: bool = option("", "Leave out the way back.", False, "--one-way")
     surface: str = surface_option()
     csv: Path | None = option("OUT", "Write a row for each position.", group=OUTPUT)
     plot: Path | None = option("FILE", "Draw load factors over positions.", group=OUTPUT)
@@ -62,10 +69,10 @@ def envelope_command(asked: Crossed) -> ExitCode:
     check_outputs(outputs, inputs, plot=IMAGES, report=(".html",))
     spread: Any = asked.spread
     if spread != BOUSSINESQ:
-        (spread,) = _numbers("--spread", spread, "0.5, or boussinesq")
-    axles = [_numbers("--axle", each, "3.2,115") for each in asked.axle]
+        (spread,) = numbers("--spread", spread, "0.5, or boussinesq")
+    axles = [numbers("--axle", each, "3.2,115") for each in asked.axle]
     vehicle = Vehicle([(distance, force) for distance, force in axles], asked.length, spread)
-    first, last, number = _numbers("--positions", asked.positions, "-1,12,27")
+    first, last, number = numbers("--positions", asked.positions, "-1,12,27")
     if not (number >= 1.0 and number == int(number)):
         raise InputError(f"--positions {asked.positions}: NUMBER must be whole, 1 or more")
     along = vector("--along", asked.along, "1,0,0")
@@ -73,7 +80,7 @@ def envelope_command(asked: Crossed) -> ExitCode:
     def crossed(tell: Tell) -> Envelope:
         scene = scene_named(asked.scene)
         if asked.soil is not None:
-            weight, coefficient = _numbers("--soil", asked.soil, "20,1.5")
+            weight, coefficient = numbers("--soil", asked.soil, "20,1.5")
             soil = passive(scene, asked.level, weight, coefficient, along)
             scene = replace(scene, reactions=(*scene.reactions, *soil))
         return envelope(
@@ -104,15 +111,3 @@ def envelope_command(asked: Crossed) -> ExitCode:
 
 
 _WITHOUT_LIMIT = (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED, "not on the bridge")
-
-
-def _numbers(option: str, text: str, example: str) -> Sequence[float]:
-    """As many numbers as the example has."""
-    wanted = example.split(", or")[0].count(",") + 1
-    try:
-        found = [float(part) for part in text.split(",")]
-    except ValueError:
-        found = []
-    if len(found) != wanted:
-        raise InputError(f"{option} {text}: {wanted} numbers are meant, as in {example}")
-    return found
