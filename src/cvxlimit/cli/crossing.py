@@ -60,6 +60,13 @@ class Crossed:
         "OUT.html", "Write a page to print and sign, of the worst position.", group=OUTPUT
     )
 
+    def vehicle(self) -> Vehicle:
+        spread: Any = self.spread
+        if spread != BOUSSINESQ:
+            (spread,) = numbers("--spread", spread, "0.5, or boussinesq")
+        axles = [numbers("--axle", each, "3.2,115") for each in self.axle]
+        return Vehicle([(distance, force) for distance, force in axles], self.length, spread)
+
 
 @command_of(Crossed)
 def envelope_command(asked: Crossed) -> ExitCode:
@@ -67,11 +74,7 @@ def envelope_command(asked: Crossed) -> ExitCode:
     inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
     outputs = {"--csv": asked.csv, "--plot": asked.plot, "--report": asked.report}
     check_outputs(outputs, inputs, plot=IMAGES, report=(".html",))
-    spread: Any = asked.spread
-    if spread != BOUSSINESQ:
-        (spread,) = numbers("--spread", spread, "0.5, or boussinesq")
-    axles = [numbers("--axle", each, "3.2,115") for each in asked.axle]
-    vehicle = Vehicle([(distance, force) for distance, force in axles], asked.length, spread)
+    vehicle = asked.vehicle()
     first, last, number = numbers("--positions", asked.positions, "-1,12,27")
     if not (number >= 1.0 and number == int(number)):
         raise InputError(f"--positions {asked.positions}: NUMBER must be whole, 1 or more")

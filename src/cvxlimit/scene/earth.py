@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import finite_vector, not_negative, positive
+from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import fan
-from cvxlimit.scene.bare_faces import looking, upwards, written
+from cvxlimit.scene.bare_faces import Face, looking, upwards, written
 from cvxlimit.scene.loads import Load, PointForce
 from cvxlimit.scene.pressures import Pressure, pressed
 from cvxlimit.scene.scene import Scene
-from cvxlimit.scene.surroundings import lost_below
+from cvxlimit.scene.surroundings import Layers, layers_of, on_face
 
 
 def coulomb_coefficient(
@@ -108,45 +108,35 @@ def coulomb_pressure(
     >>> round(float(np.degrees(np.arctan2(-lift, push))), 4)
     20.0
     """
-    gamma, over = positive(unit_weight, "unit_weight"), not_negative(surcharge, "surcharge")
-    if over and beta:
+    if surcharge and beta:
         raise InputError(f"a surcharge needs a level surface, got beta {beta:g}: leave one out")
-    lost = lost_below(gamma, level, water, submerged)
-    layers = ((level, gamma, over), (level if water is None else water, -lost, 0.0))
+    layers = layers_of(level, unit_weight, surcharge, water, submerged)
     up, faces = upwards(scene), looking(scene, direction, blocks)
     pressures, points = list[Pressure](), list[PointForce]()
     for face in faces:
         rise = float(face.normal @ up)
-        batter = float(np.degrees(np.arcsin(rise)))
-        # K is of the height: less by the face's slope per area, and in parts across and along it
-        per_area = coulomb_coefficient(phi, delta, beta, batter) * np.sqrt(1.0 - rise**2)
-        across, along = (per_area * f(np.radians(delta)) for f in (np.cos, np.sin))
-        down = -(up - rise * face.normal) / np.sqrt(1.0 - rise**2)
-        rubbed = list[FloatArray]()
-        for surface, growth, first in layers:
-            if float((face.corners @ up).min()) < surface and (growth or first):
-                at, way = surface * up + 0.0, -up + 0.0
-                pressures.append(
-                    Pressure(
-                        face.block.id,
-                        face.normal.tolist(),
-                        across * first,
-                        (across * growth * way + 0.0).tolist(),
-                        at=at.tolist(),
-                        within=way.tolist(),
-                        corners=face.corners.tolist(),
-                    )
-                )
-                triangles = fan(face.corners, [range(len(face.corners))])[0]
-                places, areas = pressed(triangles, at, way)
-                sizes = (first + growth * (surface - places @ up)) * (areas @ face.normal)
-                rubbed.append(along * np.array([sizes.sum(), *(sizes @ places)]))
-        size, *moment = np.sum(rubbed, axis=0) if rubbed else (0.0,)
-        if size > 0.0:
-            centre = np.array(moment) / size
-            points.append(PointForce(face.block.id, centre.tolist(), (size * down).tolist()))
+        slope = np.sqrt(1.0 - rise**2)  # the face's height per length along it
+        k = coulomb_coefficient(phi, delta, beta, float(np.degrees(np.arcsin(rise)))) * slope
+        across, along = (float(k * part(np.radians(delta))) for part in (np.cos, np.sin))
+        pressures += on_face(face, layers, across, up)
+        size, centre = _weight_on(face, layers, up)
+        if along * size > 0.0:
+            down = (rise * face.normal - up) / slope
+            force = along * size * down
+            points.append(PointForce(face.block.id, centre.tolist(), (force + 0.0).tolist()))
     if not pressures:
         raise InputError(
             f"level {level:g} is below all faces that look along {written(direction)}: raise it"
         )
     return Load(pressures=pressures, points=points)
+
+
+def _weight_on(face: Face, layers: Layers, up: FloatArray) -> tuple[float, FloatArray]:
+    """The layers' vertical pressure over a face, in all, and its centre."""
+    triangles = fan(face.corners, [range(len(face.corners))])[0]
+    total, moment = 0.0, np.zeros(3)
+    for surface, weight, first in layers:
+        places, areas = pressed(triangles, surface * up, -up)
+        sizes = (first + weight * (surface - places @ up)) * (areas @ face.normal)
+        total, moment = total + float(sizes.sum()), moment + sizes @ places
+    return total, moment / total if total > 0.0 else moment

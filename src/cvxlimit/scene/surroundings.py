@@ -127,26 +127,11 @@ def earth_pressure(
     >>> soil.on(wall.blocks)[:, 0].sum().round(6).item()  # 0.3 (18 2^2 / 2 + 5 2) 1
     13.8
     """
-    gamma = positive(coefficient, "coefficient") * positive(unit_weight, "unit_weight")
-    top = float(coefficient) * not_negative(surcharge, "surcharge")
+    share = positive(coefficient, "coefficient")
+    layers = layers_of(level, unit_weight, surcharge, water, submerged)
     up, faces = upwards(scene), looking(scene, direction, blocks)
     low, high = _below(scene, level, up, faces)
-    lost = coefficient * lost_below(unit_weight, level, water, submerged)
-    layers = ((level, gamma, top), (level if water is None else water, -lost, 0.0))
-    found = [
-        Pressure(
-            face.block.id,
-            face.normal.tolist(),
-            first,
-            (-growth * up + 0.0).tolist(),
-            at=(surface * up + 0.0).tolist(),
-            within=(-up + 0.0).tolist(),
-            corners=face.corners.tolist(),
-        )
-        for face in faces
-        for surface, growth, first in layers
-        if float((face.corners @ up).min()) < surface and (growth or first)
-    ]
+    found = [pressure for face in faces for pressure in on_face(face, layers, share, up)]
     if not found:
         raise InputError(
             f"level {level:g} is below all faces that look along {written(direction)}, which lie "
@@ -155,14 +140,20 @@ def earth_pressure(
     return tuple(found)
 
 
-def lost_below(
-    unit_weight: float, level: float, water: float | None, submerged: float | None
-) -> float:
-    """By how much soil weighs less below ground water, per volume."""
+Layers = Sequence[tuple[float, float, float]]
+"""Of soil: its surface, unit weight, and pressure there, one on top of the other."""
+
+
+def layers_of(
+    level: float, unit_weight: float, surcharge: float, water: float | None,
+    submerged: float | None,
+) -> Layers:  # fmt: skip
+    """Soil, and what it weighs less below ground water."""
+    whole = positive(unit_weight, "unit_weight"), not_negative(surcharge, "surcharge")
     if (water is None) != (submerged is None):
         raise InputError("water and submerged go together: give both, or neither")
     if water is None or submerged is None:
-        return 0.0
+        return [(level, *whole)]
     finite_vector([water], 1, "water")
     below = not_negative(submerged, "submerged")
     if water > level or below > unit_weight:
@@ -170,7 +161,24 @@ def lost_below(
             f"water {water:g} must not be above level {level:g}, nor submerged {below:g} above "
             f"unit_weight {unit_weight:g}: a flood in front of or over soil is hydrostatic's"
         )
-    return float(unit_weight - below)
+    return [(level, *whole), (water, below - whole[0], 0.0)]
+
+
+def on_face(face: Face, layers: Layers, share: float, up: FloatArray) -> list[Pressure]:
+    """What layers press on a face with so much of their weight."""
+    return [
+        Pressure(
+            face.block.id,
+            face.normal.tolist(),
+            share * first,
+            (-(share * weight) * up + 0.0).tolist(),
+            at=(surface * up + 0.0).tolist(),
+            within=(-up + 0.0).tolist(),
+            corners=face.corners.tolist(),
+        )
+        for surface, weight, first in layers
+        if float((face.corners @ up).min()) < surface
+    ]
 
 
 def uplift(
