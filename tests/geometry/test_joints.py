@@ -368,7 +368,9 @@ class TestLeaning:
     @pytest.mark.parametrize("degrees", [0.3, 1.0, 3.0, 5.5])
     def test_neighbour_distance_angle_and_the_tolerance_that_joins(self, degrees: float) -> None:
         blocks = [self.GROUND, *self.leaning(degrees)]
-        with pytest.raises(GeometryError, match=r"'ground'.*touches no other block.*give a larger"):
+        with pytest.raises(
+            GeometryError, match=r"'ground'.*touches no other block.*give a joint_tolerance of"
+        ):
             detect(blocks, ["ground"])
         stool = Block.box("stool", (-2, 0, 0), (-1, 1, 1), density=1.0)
         (miss,) = detect([*blocks, stool], ["ground"]).near_misses
@@ -386,7 +388,7 @@ class TestLeaning:
     def test_too_steep_for_any_tolerance(self, degrees: float) -> None:
         with pytest.raises(GeometryError, match=r"no joint tolerance joins .*\): move") as refusal:
             detect([self.GROUND, self.leaning(degrees)[0]], ["ground"])
-        assert "give a larger" not in str(refusal.value)
+        assert "give a" not in str(refusal.value)
 
     def test_blocks_that_are_joined_elsewhere_are_not_told(self) -> None:
         """A chamfer opens from the joint beside it."""

@@ -9,7 +9,6 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 import pytest
-from cvxlimit.scene.ties import Tie
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
@@ -22,6 +21,7 @@ from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.path import Configuration, rotation
 from cvxlimit.paths.points import Start
 from cvxlimit.scene.loads import PointForce, Pressure
+from cvxlimit.scene.reactions import Tie
 from displaced import assert_balanced_within_friction
 from linkages import FourBars, leaning, rocking
 from turning import END, B, turning, wall

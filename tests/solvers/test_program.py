@@ -45,3 +45,20 @@ def test_every_solver_gives_the_answer_and_its_duals(name: str, has_cones: bool)
         np.testing.assert_allclose(x[[0, 2, 4]], [2.0, 3.0, 0.75], atol=1e-4)
         if name != "SCIP":  # whose presolve loses duals of linear problems
             np.testing.assert_allclose(y, [0.0, 0.0, 0.25, -0.5], atol=1e-4)
+
+
+@pytest.mark.parametrize("has_cones", [True, False])
+@pytest.mark.parametrize(
+    "name", sorted(n for n in {*able()} & {*SOLVERS} if SOLVERS[n].takes_matrices)
+)
+def test_duals_of_all_rows_begin_with_those_of_equations(name: str, has_cones: bool) -> None:
+    """As many inequalities as equations, in the linear program: neither may stand for the other."""
+    if has_cones and not SOLVERS[name].has_cones:
+        pytest.skip("takes no cones")
+    program = slider(has_cones)
+    _, _, y = program.solve(settings_for(name), all_duals=True)
+    assert y is not None
+    assert len(y) == len(program.right)
+    np.testing.assert_allclose(y[:4], [0.0, 0.0, 0.25, -0.5], atol=1e-4)
+    # no gain of the cost is left: cost + A' y = 0
+    np.testing.assert_allclose(program.cost + program.matrix.T @ y, 0.0, atol=1e-4)

@@ -210,7 +210,7 @@ def warn_of_geometry(scene: Scene) -> None:
 
 
 def advice(solution: Solution) -> str:
-    general = solution.status.advice
+    general = solution.advice
     return solution.note if general in solution.note else general
 
 

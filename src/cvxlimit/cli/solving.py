@@ -55,6 +55,7 @@ from cvxlimit.io.geometry.importing import READERS
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE
@@ -62,7 +63,7 @@ from cvxlimit.plotting import PICTURES as PICTURES_OF
 from cvxlimit.plotting import picture_of, plot, plot_scene, refused
 from cvxlimit.plotting.look import IMAGES
 from cvxlimit.readings.named import MOMENTS
-from cvxlimit.reductions.choice import explain
+from cvxlimit.reductions.choice import BUDGET, explain
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -190,7 +191,7 @@ def deliver(
 class Order:
     """What ``cvxlimit solve`` was asked to do."""
 
-    scene: str = argument("Built-in name, or scene file; for a file of the same name write ./NAME.")
+    scene: str = argument("Built-in name, or scene file: ./NAME if both.")
     surface: str = option(
         "NAME",
         "Yield surface: conic, the exact cone (default); parabolic, nearer exact torsion; octagon "
@@ -199,8 +200,7 @@ class Order:
     )
     method: str | None = option(
         "NAME",
-        f"{either(TABLE).replace('convex', 'convex (default)')}: cvxlimit explain SCENE says what "
-        "each answers, and how long it takes.",
+        f"{either(TABLE).replace('convex', 'convex (default)')}; see cvxlimit explain SCENE.",
     )
     moments: str | None = option(
         "NAME",
@@ -213,8 +213,8 @@ class Order:
     )
     model: str = option(
         "NAME",
-        "Size of the model: auto (default), reduced where that saves time; full; or least, the "
-        "smallest that is valid. Bounds always hold for the full scene.",
+        "auto (default), reduced where that saves time; full; or least, the smallest that is "
+        "valid. Bounds hold for the full scene.",
         "auto",
     )
     json: Path | None = result_option()
@@ -239,21 +239,34 @@ class Order:
     )
     tolerance: float | None = option(
         "WIDTH",
-        "Relative width of the bracket, or change at which iterations stop. Unless given: 1e-5; "
-        "fixed point 1e-4; exact 1e-3; certified 1 % as time allows (5 % counts).",
+        "Width of the bracket, or last change: 1e-5; fixed point 1e-4; exact 1e-3; certified 1 % "
+        "as time allows.",
         group=EFFORT,
     )
     branching_seconds: float | None = option(
         "S",
-        "Seconds of branch and bound, of the certified method; unless given, 60 with a tolerance "
-        "or up to 6 contacts, else 10.",
+        "Of branch and bound; unless given, 60 with a tolerance or up to 6 contacts, else 10.",
         group=EFFORT,
     )
     workers: int = option("N", "Processes of branch and bound.", 1, group=EFFORT)
+    searches: int | None = option(
+        "N",
+        "Without dilatancy, each from a new seed.",
+        group=EFFORT,
+    )
+    budget: int | None = option("N", f"Of each search; unless given, {BUDGET}.", group=EFFORT)
+    seed: int | None = option("N", "Seed of the first search; unless given, 0.", group=EFFORT)
 
-    def settings(self) -> dict[str, str | float | Certified | None]:
+    def settings(self) -> dict[str, Any]:
         names = ("method", "moments", "tolerance", "model", "solver")
         given = {name: getattr(self, name) for name in names}
+        efforts = {name: getattr(self, name) for name in ("searches", "budget", "seed")}
+        chosen = {name: value for name, value in efforts.items() if value is not None}
+        if chosen:
+            if self.method != ZeroDilatancy.name:
+                named = " and ".join(f"--{name}" for name in chosen)
+                raise ModelError(f"{named} goes with --method {ZeroDilatancy.name}")
+            return {**given, "method": ZeroDilatancy(**chosen)}
         if self.branching_seconds is None and self.workers == 1:
             return given
         if self.method != Certified.name:

@@ -288,11 +288,12 @@ def model_of(formulation: Formulation, contacts: Contacts) -> ForceModel:
 
 
 def is_weak(contacts: Contacts) -> NDArray[np.bool_]:
-    """Contacts that may crush, (n,): where the strength is a Parameter all, unless they say."""
-    strength = contacts.compressive_strength
+    """Contacts that may crush, (n,), no points: where the strength is a Parameter all others,
+    unless they say."""
+    strength, faces = contacts.compressive_strength, ~contacts.is_point
     if isinstance(strength, cp.Expression):
-        return getattr(contacts, "crushes", ~contacts.is_point)
-    return np.isfinite(strength) & ~contacts.is_point
+        return np.asarray(faces & getattr(contacts, "crushes", faces))
+    return np.asarray(faces & np.isfinite(strength))
 
 
 def corner_compressions(contacts: Contacts) -> ForceModel:

@@ -109,7 +109,7 @@ class Given:
             for name, value in ((k, np.array(number(each))) for k, each in self.joints.items())
         }
         strength = values.get("compressive_strength", np.zeros(len(scene.contacts)))
-        if np.isinf(strength[~scene.contacts.is_point]).any():
+        if np.isinf(strength[scene.contacts.faces]).any():
             raise ModelError(
                 "compressive_strength as a Parameter must be finite, got inf: leave it out where "
                 "joints do not crush, or give a large number"

@@ -60,7 +60,7 @@ def _solution_rows(solution: Solution) -> Rows:
     if "total" in solution.seconds:
         yield "time", f"{solution.seconds['total']:.2f} s"
     if not solution.status.is_good:
-        yield "note", solution.note or solution.status.advice
+        yield "note", solution.note or solution.advice
 
 
 def card(title: str, rows: Rows, image: bytes | None) -> str:

@@ -148,7 +148,7 @@ class Bracket:
         >>> Bracket(0.4230561, 0.4230593).shown(5)
         '[0.42305, 0.42306]'
         >>> Bracket(float("inf"), float("inf")).shown(5), Bracket(0.1).shown(5)
-        ('unbounded', '[0.1, ?]')
+        ('unbounded', '[0.10000, ?]')
         """
         if self.lower == np.inf or self.upper == -np.inf:
             return "unbounded" if self.lower == np.inf else "none"

@@ -135,8 +135,8 @@ class ConeProgram:
             inverse = {
                 ConicSolver.VAR_ID: 0,
                 ConicSolver.DIMS: dims,
-                ConicSolver.EQ_CONSTR: [_equations(p)],
-                ConicSolver.NEQ_CONSTR: [_equations(rows - p)] if all_duals else [],
+                ConicSolver.EQ_CONSTR: [_rows(p, "equations")],
+                ConicSolver.NEQ_CONSTR: [_rows(rows - p, "others")] if all_duals else [],
                 keys.OFFSET: 0.0,
             }
             kept = cache if row.starts_warm else None
@@ -210,8 +210,9 @@ def check_options(
 
 
 @cache
-def _equations(count: int) -> Zero:
-    """Returns a constraint of so many equations for interfaces, which ask only for its size."""
+def _rows(count: int, of: str) -> Zero:
+    """Returns a constraint of so many rows for interfaces, which ask only for its size, and which
+    tell constraints apart by what they are: each kind has its own."""
     return Zero(cp.Variable(count))
 
 

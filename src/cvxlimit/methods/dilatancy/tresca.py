@@ -37,6 +37,7 @@ from cvxlimit.surfaces.base import (
     number,
     product,
 )
+from cvxlimit.surfaces.coulomb import Bounds, Rocking
 
 Compressions: TypeAlias = "FloatArray | cp.Parameter"
 """Those at which friction is held (n,): numbers, or a Parameter where they change between solves,
@@ -87,9 +88,10 @@ class Tresca(YieldSurface):
 def tresca(
     surfaces: Sequence[YieldSurface], pressed: Compressions, tilt: float = 0.0
 ) -> tuple[YieldSurface, ...]:
-    """Returns surfaces with their friction held. The surface named rocking has none: it stays the
-    very same surface."""
-    return tuple(s if s.name == "rocking" else Tresca(s, pressed, tilt) for s in surfaces)
+    """Returns surfaces with their friction held. Rocking, and the bounds of reactions, have none:
+    they stay the very same surfaces."""
+    without = (Rocking.name, Bounds.name)
+    return tuple(s if s.name in without else Tresca(s, pressed, tilt) for s in surfaces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +102,11 @@ class HeldFormulation:
     formulation: Formulation
     pressed: Compressions
     tilt: float = 0.0
+
+    @property
+    def sees_to_strength(self) -> bool:
+        """As of the formulation."""
+        return bool(getattr(self.formulation, "sees_to_strength", False))
 
     def __call__(self, contacts: Contacts) -> ForceModel:
         model = self.formulation(contacts)
