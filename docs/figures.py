@@ -8,6 +8,7 @@ the effective area that of the forces, and the moments are those of a force at t
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,9 +22,21 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-from cvxlimit import Block, Load, Scene, builtin_scene, code_check, pushover, solve
+from cvxlimit import (
+    Block,
+    Load,
+    Scene,
+    Vehicle,
+    builtin_scene,
+    code_check,
+    envelope,
+    passive,
+    pushover,
+    solve,
+)
 from cvxlimit.geometry.polygons import effective_regions, torsion_arm
 from cvxlimit.io import import_geometry
+from cvxlimit.masonry import Arch, bridge
 from cvxlimit.plotting import PICTURES
 
 INK, BLUE, ORANGE, GREEN, GREY = "#222222", "#0072b2", "#d55e00", "#009e73", "#8a8a8a"
@@ -353,6 +366,15 @@ def from_drawing() -> plt.Figure:
     return found.scene.plot(figsize=(4.6, 3.4))
 
 
+def envelope_of_a_lorry() -> plt.Figure:
+    """The bridge of its page, and the lorry there."""
+    arch, level = Arch(6.55, 1.428), 1.428 + 0.22 + 0.165
+    scene = bridge(arch, thickness=0.22, width=3.8, cover=0.165, density=17.66, friction=0.6)
+    held = replace(scene, reactions=passive(scene, level, 20.0, 1.5))
+    lorry = Vehicle([(0.0, 60.0), (3.2, 115.0), (4.5, 115.0)])
+    return envelope(held, lorry, np.linspace(-1.0, 12.0, 53), level).plot()
+
+
 FIGURES = {
     "from-blender": from_blender,
     "from-drawing": from_drawing,
@@ -364,6 +386,7 @@ FIGURES = {
     "readings": readings,
     "path": path,
     "capacity": capacity,
+    "envelope": envelope_of_a_lorry,
 }
 
 if __name__ == "__main__":

@@ -43,6 +43,8 @@ from cvxlimit.reductions.choice import explain as explain
 from cvxlimit.scene import Scene as Scene
 from cvxlimit.scene import Units as Units
 from cvxlimit.scene import loads as loads
+from cvxlimit.scene.earth import coulomb_coefficient as coulomb_coefficient
+from cvxlimit.scene.earth import coulomb_pressure as coulomb_pressure
 from cvxlimit.scene.loads import GRAVITY as GRAVITY
 from cvxlimit.scene.loads import GrowingAcceleration as GrowingAcceleration
 from cvxlimit.scene.loads import Load as Load

@@ -20,6 +20,7 @@ from cvxlimit.paths.code_check import CodeCheck
 from cvxlimit.paths.path import Path
 from cvxlimit.readings.sensitivity import Sensitivity
 from cvxlimit.solution import Solution
+from cvxlimit.studies.envelopes import Envelope
 
 PLACES = {
     "scene_html": ("plotting.notebook", "scene_html"),
@@ -54,6 +55,7 @@ def __getattr__(name: str) -> Any:
 _SECTIONS: dict[str, tuple[type, Any]] = {
     "path": (Path, lambda value: value.scene),
     "check": (CodeCheck, None),
+    "envelope": (Envelope, None),
     "sensitivity": (Sensitivity, lambda value: value.solution.scene),
     "without_dilatancy": (Solution, lambda value: value.scene),
 }
@@ -81,11 +83,13 @@ def solution_report(solution: Solution, file: str | os.PathLike[str] | None, giv
                 f"{name} is of another scene ({scene_of(value).name!r}) than the result of "
                 f"{solution.scene_name!r}, to whose page it is to go"
             )
-    if isinstance(given["check"], CodeCheck) and given["check"].scene_name != solution.scene_name:
-        raise InputError(
-            f"check is of scene {given['check'].scene_name!r}, and the result of "
-            f"{solution.scene_name!r}"
-        )
+    for name, kind in (("check", CodeCheck), ("envelope", Envelope)):
+        value = given[name]
+        if isinstance(value, kind) and value.scene_name != solution.scene_name:
+            raise InputError(
+                f"{name} is of scene {value.scene_name!r}, and the result of "
+                f"{solution.scene_name!r}"
+            )
     without = given["without_dilatancy"]
     if without is not None and without.flow == "associated":
         raise InputError(

@@ -18,17 +18,30 @@ import numpy as np
 import pytest
 
 import cvxlimit
-from cvxlimit import Block, Iterate, Load, Scene, Solution, Status, builtin_scene
+from cvxlimit import (
+    Block,
+    Iterate,
+    Load,
+    Scene,
+    Solution,
+    Status,
+    Vehicle,
+    builtin_scene,
+    envelope,
+    passive,
+    solve,
+)
 from cvxlimit.cli import main as cli
 from cvxlimit.cli import report, solving
 from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
-from cvxlimit.io import read_result, write_scene
-from cvxlimit.masonry import BUILTIN
+from cvxlimit.io import read_result, read_scene, write_scene
+from cvxlimit.masonry import BUILTIN, Arch, bridge
 from cvxlimit.methods.table import TABLE
 from cvxlimit.plotting import PICTURES
 from cvxlimit.readings.named import MOMENTS
 from cvxlimit.solution.bracket import Bracket
+from helpers import assert_certified
 from malformed_scenes import MALFORMED
 
 Run = Callable[..., tuple[int, str, str]]
@@ -757,3 +770,56 @@ def test_a_scene_without_a_support_is_bad_input(run: Run, tmp_path: Path, verb: 
     path.write_text(json.dumps(document))
     outcome = run(verb, str(path))
     assert_refused(outcome, "has no support, so that nothing can stand: name the fixed blocks")
+
+
+def test_a_vehicle_crosses_a_bridge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same as in Python, with soil; what is beside the bridge has no limit, and the page is of
+    the worst position."""
+    plain = bridge(Arch(3.0, 0.75, voussoirs=8), thickness=0.2, width=1.0, cover=0.2)
+    scene, files = tmp_path / "bridge.json", [tmp_path / f"e.{x}" for x in ("csv", "png", "html")]
+    write_scene(plain, scene)
+    asked = ["envelope", str(scene), "--level", "1.15", "--axle", "0,30", "--axle", "1,50",
+             "--one-way", "--soil", "20,1.5"]  # fmt: skip
+    outputs = [x for file in files for x in ("--" + {".csv": "csv", ".png": "plot"}.get(
+        file.suffix, "report"), str(file))]  # fmt: skip
+    assert cli.run([*asked, "--positions", "-5,3,5", *outputs]) == 0
+    held = replace(plain, reactions=passive(plain, 1.15, 20.0, 1.5))
+    vehicle = Vehicle([(0.0, 30.0), (1.0, 50.0)])
+    found = envelope(held, vehicle, [-5, -3, -1, 1, 3], 1.15, both_ways=False)
+    rows = [line.split(",") for line in files[0].read_text().splitlines()[1:]]
+    assert [float(row[2]) for row in rows] == pytest.approx(found.to_dataframe()["load_factor"])
+    page = files[2].read_text("utf-8")
+    assert "Positions of a vehicle" in page
+    assert "least load factor" in page
+    capsys.readouterr()
+    for wrong, message in (
+        (["--positions", "0,1"], "3 numbers are meant, as in -1,12,27"),
+        (["--positions", "0,1,2.5"], "must be whole"),
+        (["--positions", "0,1,2", "--spread", "half"], "1 numbers are meant, as in 0.5, or bous"),
+    ):
+        assert cli.run([*asked, *wrong]) == 2
+        assert message in capsys.readouterr().err
+
+
+def test_import_with_what_surrounds_a_wall(run: Run, tmp_path: Path) -> None:
+    """Two stones of 20 each, earth of 10.8 that pushes, soil before the toe that holds 3.375, water
+    that pushes 9.81 / 2, fill of 20 on top."""
+    table = tmp_path / "wall.csv"
+    rows = "g,-1,0,-1,3,1,0,,1\nb1,0,0,0,1,1,1,20,\nb2,0,0,1,1,1,2,20,\n"
+    table.write_text("id,xmin,ymin,zmin,xmax,ymax,zmax,density,support\n" + rows)
+    earth, water = ("--earth", "2,18,0.3,-1,0,0"), ("--water", "1,9.81,-1,0,0")
+    soil, fill = ("--soil", "0.5,18,1.5,1,0,0"), ("--fill", "3,20")
+    for live, more, by_hand in (
+        ("pressures", (*earth, *soil), (0.3 * 40.0 + 3.375) / 10.8),
+        ("pressures", (*earth, *water, *fill), 0.3 * 60.0 / (10.8 + 9.81 / 2.0)),
+        ("1,0,0", (*earth,), (0.3 * 40.0 - 10.8) / 40.0),
+    ):
+        asked = ("import", str(table), "-o", "scene.json", "--length-unit", "m", "--up", "z",
+                 "--friction", "0.3", "--live", live)  # fmt: skip
+        assert run(*asked, *more)[0] == 0
+        found = solve(read_scene("scene.json"))
+        assert_certified(found)
+        assert found.load_factor == pytest.approx(by_hand, rel=1e-6)
+    Path("scene.json").unlink()
+    assert_refused(run(*asked[:-1], "pressures"), "give --earth or --water")
+    assert_refused(run(*asked, "--fill", "3"), "2 numbers are meant, as in 3,20")

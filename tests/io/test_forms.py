@@ -7,7 +7,7 @@ import json
 import math
 import pickle
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, Field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from cvxlimit import (
     Load,
     PointForce,
     Pressure,
+    Reaction,
     Scene,
     Solution,
     Status,
@@ -55,6 +56,7 @@ WATER = Pressure(
 )
 PUSH = GrowingAcceleration((1, 0.5, 0), (0, 0, 0.5), (0, 0, 2))
 MOTION = SupportMotion(("ground",), (0, 0, -1), (0, 0.5, 0), (1, 0, 2))
+PUSHED = Reaction("b1", (0, 0, 0.5), (1, 0, 0), 3.0, -1.5, "b2")
 LOADED = Load(
     gravity=(0.0, 0.6, -0.8),
     acceleration=(0.1, 0.2, 0.3),
@@ -86,8 +88,10 @@ EVERY: dict[type, dict[str, Any]] = {
         "name": "every field",
         "joint_tolerance": 1e-3,
         "ties": (Tie("b1", "ground", (0, 0, 0.5), (0, 0, -0.5), 3.0),),
+        "reactions": (PUSHED,),
         "settling": (MOTION,),
     },
+    Reaction: {each.name: getattr(PUSHED, each.name) for each in fields(Reaction)},
     Load: {each.name: getattr(LOADED, each.name) for each in fields(Load)},
     Pressure: {each.name: getattr(WATER, each.name) for each in fields(Pressure)},
     GrowingAcceleration: {each.name: getattr(PUSH, each.name) for each in fields(PUSH)},
@@ -112,7 +116,8 @@ def same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray):
         return np.array_equal(a, b)
     if isinstance(
-        a, Block | Load | Tie | PointForce | Pressure | GrowingAcceleration | SupportMotion
+        a,
+        Block | Load | Tie | Reaction | PointForce | Pressure | GrowingAcceleration | SupportMotion,
     ):
         return type(a) is type(b) and all(
             same(getattr(a, each.name), getattr(b, each.name)) for each in fields(a)
@@ -196,6 +201,7 @@ def test_each_field_of_a_scene_is_in_its_file(name: str) -> None:
         "name": "other",
         "joint_tolerance": None,
         "ties": (),
+        "reactions": (replace(PUSHED, most=math.inf, on=None),),
         "settling": (),
     }
     own = {each: {} if each.startswith("contact_") else 0.75 for each in JOINTS}

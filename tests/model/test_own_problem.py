@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from itertools import chain, combinations
 from typing import Any
 
@@ -10,7 +11,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Load, Scene, Status, Tie, builtin_scene, solve
+from cvxlimit import Block, Load, Reaction, Scene, Status, Tie, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.masonry import single_block, stack
@@ -578,3 +579,53 @@ def test_numbers_and_parameters_agree_in_all_mixtures(kind: str, every: int) -> 
 def test_a_strength_that_never_ends_is_no_parameter() -> None:
     with pytest.raises(ModelError, match="compressive_strength as a Parameter must be finite"):
         LimitProblem(ARCH, compressive_strength=cp.Parameter(value=np.inf)).solve()
+
+
+@pytest.mark.parametrize(("least", "most"), [(0, 3), (2, 3), (-1, 3), (-2, -1)])
+def test_bounds_of_reactions_as_parameters(least: float, most: float) -> None:
+    """A column of 1 m by 2 m, weight 40, turned about its edge by its weight times alpha; a force
+    at its top holds it by what is largest, or pulls it by what is least in that way."""
+    held = Reaction("b2", (1.0, 0.5, 2.0), (-1, 0, 0), most, least)
+    other = Reaction("b1", (1.0, 0.5, 1.0), (-1, 0, 0), 4.0)  # half as far from the edge
+    scene = replace(stack(2, size=(1.0, 1.0, 1.0), density=20.0), reactions=(held, other))
+    ends = cp.Parameter(2), cp.Parameter(2)
+    problem = LimitProblem(scene, most=ends[0], least=ends[1])
+    for way in (1.0, 2.0, 0.5):
+        ends[0].value, ends[1].value = [way * most, 4.0 * way], [way * least, 0.0]
+        found = problem.solve()
+        assert_certified(found)
+        by_hand = (40.0 * 0.5 + way * (2.0 * most + 4.0)) / 40.0
+        assert found.load_factor == pytest.approx(by_hand, rel=1e-6)
+        plain = LimitProblem(scene, most=ends[0].value, least=ends[1].value).solve()
+        assert_certified(plain)
+        assert plain.load_factor == pytest.approx(by_hand, rel=1e-6)
+        assert problem.N["reaction ground-b1 (1)"].value == pytest.approx(4.0 * way, rel=1e-5)
+
+
+def test_bounds_of_reactions_that_are_refused() -> None:
+    prop = Reaction("b2", (1.0, 0.5, 2.0), (-1, 0, 0), np.inf, 1.0)
+    column = stack(2, size=(1.0, 1.0, 1.0), density=20.0)
+    scene = replace(column, reactions=(prop,))
+    with pytest.raises(ModelError, match="of which the scene has none"):
+        LimitProblem(column, most=1.0)
+    with pytest.raises(ModelError, match="one for each of 1 reactions"):
+        LimitProblem(scene, most=[1.0, 2.0])
+    with pytest.raises(ModelError, match="is infinite, which no expression is"):
+        LimitProblem(scene, least=cp.Parameter())
+    with pytest.raises(ModelError, match=r"least below most, got 1 and 0\.5"):
+        LimitProblem(scene, most=0.5)
+    bound = cp.Parameter(value=-2.0)
+    with pytest.raises(ModelError, match="least below most, got 1 and -2"):
+        LimitProblem(scene, most=bound).solve()
+
+
+def test_a_tie_that_has_nothing_to_do_is_left_out() -> None:
+    """A block that nothing moves, tied to the ground, beside one that is pushed."""
+    blocks = [Block.box(f"b{i}", (3 * i, 0, 0), (3 * i + 1, 1, 1), density=10.0) for i in (0, 1)]
+    ground = Block.box("ground", (-1, 0, -1), (5, 1, 0))
+    rope = Reaction("b1", (4.0, 0.5, 0.5), (1, 0, 0), -1.0, -2.0)
+    live = Load(forces={"b0": (1, 0, 0, 0, 0, 0)})
+    scene = Scene([ground, *blocks], ["ground"], live, friction=0.3, reactions=(rope,))
+    for found in (solve(scene), LimitProblem(scene).solve()):
+        assert_certified(found)
+        assert found.load_factor == pytest.approx(3.0, rel=1e-6)

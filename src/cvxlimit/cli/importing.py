@@ -8,14 +8,22 @@ import re
 import time
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import OUTPUT, argument, command_of, option, output_option, vector
+from cvxlimit.cli.options import (
+    OUTPUT,
+    argument,
+    command_of,
+    numbers,
+    option,
+    output_option,
+    vector,
+)
 from cvxlimit.cli.report import (
     SCENE_PICTURES,
     ExitCode,
@@ -30,7 +38,12 @@ from cvxlimit.io import Imported, import_geometry, write_scene
 from cvxlimit.io.geometry.importing import bodies_in, sketch, unstated
 from cvxlimit.io.geometry.supports import LOWEST
 from cvxlimit.plotting import plot_scene
-from cvxlimit.scene import Scene
+from cvxlimit.scene import Load, Pressure, Scene
+from cvxlimit.scene.resisting import passive
+from cvxlimit.scene.surroundings import earth_pressure, fill, hydrostatic
+
+AROUND = "Around"
+"""Group of options: what surrounds a structure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +73,19 @@ class Geometry:
         "the height), or ids with commas between them.",
     )
     live: str | None = option(
-        "X,Y,Z", "Live load: multiples of every block's weight, along the axes."
+        "X,Y,Z",
+        "Live load: multiples of every block's weight, along the axes; or pressures, those of "
+        "earth and water, which are dead else.",
+    )
+    earth: list[str] | None = option(
+        "Z,G,K,SIDE", "Earth: level, unit weight, coefficient, and X,Y,Z towards it.", group=AROUND
+    )
+    water: list[str] | None = option(
+        "Z,G,SIDE", "Water: level, unit weight, and X,Y,Z towards it.", group=AROUND
+    )
+    fill: str | None = option("Z,G", "Fill on top: level, unit weight.", group=AROUND)
+    soil: list[str] | None = option(
+        "Z,G,K,AXIS", "Soil that resists: level, unit weight, K, axis X,Y,Z.", group=AROUND
     )
     joint_tolerance: float | None = option(
         "L",
@@ -82,8 +107,42 @@ class Geometry:
         names = ("density", "density_factor", "friction", "joint_tolerance", "length_unit",
                  "to_unit", "up", "force_unit", "name")  # fmt: skip
         given: dict[str, Any] = {name: getattr(self, name) for name in names}
-        live = vector("--live", self.live or "", "0,1,0")
-        return import_geometry(self.geometry, supports=supports, live=live, **given)
+        live = (1.0, 0.0, 0.0) if self.live == PRESSURES else _live(self.live)
+        found = import_geometry(self.geometry, supports=supports, live=live, **given)
+        return replace(found, scene=self._surrounded(found.scene))
+
+    def _surrounded(self, scene: Scene) -> Scene:
+        """The scene with what surrounds it."""
+        pressures, dead = list[Pressure](), scene.dead
+        for each in self.earth or ():
+            level, weight, coefficient, *side = numbers("--earth", each, "2,18,0.3,-1,0,0")
+            pressures += earth_pressure(scene, level, weight, coefficient, side)
+        for each in self.water or ():
+            level, weight, *side = numbers("--water", each, "2,9.81,-1,0,0")
+            pressures += hydrostatic(scene, level, weight, side)
+        if self.live == PRESSURES and not pressures:
+            raise InputError("--live pressures: give --earth or --water, which press")
+        reactions = list(scene.reactions)
+        for each in self.soil or ():
+            level, weight, coefficient, *axis = numbers("--soil", each, "0.5,18,1.5,1,0,0")
+            reactions += passive(scene, level, weight, coefficient, axis)
+        if self.fill is not None:
+            level, weight = numbers("--fill", self.fill, "3,20")
+            dead = replace(dead, points=(*dead.points, *fill(scene, level, weight)))
+        if self.live == PRESSURES:
+            scene = scene.with_live(Load(pressures=pressures))
+        else:
+            dead = replace(dead, pressures=(*dead.pressures, *pressures)) if pressures else dead
+        scene = scene if dead is scene.dead else scene.with_dead(dead)
+        return scene if not reactions else replace(scene, reactions=tuple(reactions))
+
+
+PRESSURES = "pressures"
+"""Of --live: earth and water."""
+
+
+def _live(text: str | None) -> tuple[float, ...]:
+    return vector("--live", text or "", "0,1,0")
 
 
 _NEEDED = {
@@ -91,7 +150,7 @@ _NEEDED = {
     "length_unit": "m, mm ...: what the coordinates are in",
     "up": "x, y or z: the axis that points up",
     "friction": "the Coulomb coefficient of the joints",
-    "live": "X,Y,Z: the live load in multiples of every block's weight",
+    "live": "X,Y,Z: the live load in multiples of every block's weight (or pressures)",
     "supports": "lowest, or ids with commas between them: the blocks that are fixed",
     "density": "G: the weight per volume",
 }
@@ -123,7 +182,8 @@ def import_command(asked: Geometry) -> ExitCode:
         why = "" if missing == ["output"] else "; files do not say and none is guessed"
         raise InputError(f"give {given}{why}")
     output, plot = asked.output or Path(), asked.plot
-    vector("--live", asked.live or "", "0,1,0")
+    if asked.live != PRESSURES:
+        _live(asked.live)
     inputs = dict.fromkeys(asked.geometry, "the geometry")
     check_outputs(
         {"--output": output, "--plot": plot}, inputs, plot=SCENE_PICTURES, output=[".json"]

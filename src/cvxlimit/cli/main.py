@@ -25,6 +25,7 @@ from rich.text import Text
 
 from cvxlimit.base.versions import __version__
 from cvxlimit.cli.comparing import compare_command
+from cvxlimit.cli.crossing import envelope_command
 from cvxlimit.cli.domains import domain_command
 from cvxlimit.cli.exporting import export_command
 from cvxlimit.cli.following import pushover_command
@@ -96,6 +97,11 @@ for _name, _command, _epilog in (
         "pushover", pushover_command,
         "Exit code: 0 the path ends; 2 bad input; 3 no answer exists; 4 it was broken off, or a "
         "bracket is wider than 1e-5.",
+    ),
+    (
+        "envelope", envelope_command,
+        "Exit code: 0 all positions solved; 2 bad input; 3 none has an answer; 4 some have none, "
+        "or are not certified.",
     ),
     ("compare", compare_command, None),
     ("export-problem", export_command, None),

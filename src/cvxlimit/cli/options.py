@@ -179,3 +179,15 @@ def vector(name: str, text: str, example: str) -> tuple[float, ...]:
             f"{name} must be three numbers X,Y,Z, as in {example}, got {text!r}"
         ) from error
     return x, y, z
+
+
+def numbers(option: str, text: str, example: str) -> Sequence[float]:
+    """As many numbers as the example has."""
+    wanted = example.split(", or")[0].count(",") + 1
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) != wanted:
+        raise InputError(f"{option} {text}: {wanted} numbers are meant, as in {example}")
+    return found

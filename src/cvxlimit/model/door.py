@@ -29,13 +29,16 @@ class LimitProblem:
     surface : str, Cone or sequence of YieldSurface
         As :func:`cvxlimit.solve` takes it. Surfaces implied by another are not written.
     friction, cohesion, compressive_strength, tensile_strength : number, array (n,) or Parameter
-        In place of the scene's: one for all joints, not for ties, or one per contact; CVXPY
+        In place of the scene's: one for all or one per contact, of joints only; CVXPY
         expressions of Parameters too.
     live, dead : Load, (3,) or (free blocks, 6)
         In place of the scene's loads; numbers, Parameters or expressions of them: an
         acceleration in multiples of weights, or forces and moments at centroids.
     weights : number, array (free blocks,) or Parameter
         Weights of the free blocks, in the scene's order.
+    most, least : number, array (reactions,) or Parameter
+        Bounds of the scene's reactions, in their order, or one for all; with the signs, or 0, that
+        they have in the scene.
     formulation : callable
         Which forces are the unknowns: :func:`~cvxlimit.model.formulations.corner_compressions`
         (default), :func:`~cvxlimit.model.formulations.resultants`, or one of your own.
@@ -72,12 +75,14 @@ class LimitProblem:
         live: Any = None,
         dead: Any = None,
         weights: Any = None,
+        most: Any = None,
+        least: Any = None,
         formulation: Formulation = corner_compressions,
     ) -> None:
         self._stated = LimitProgram(
             scene, surface, friction=friction, cohesion=cohesion, live=live, dead=dead,
             compressive_strength=compressive_strength, tensile_strength=tensile_strength,
-            weights=weights, formulation=formulation,
+            weights=weights, most=most, least=least, formulation=formulation,
         )  # fmt: skip
 
     def __repr__(self) -> str:

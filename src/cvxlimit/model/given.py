@@ -22,6 +22,7 @@ from cvxlimit.model.sinks import check_values
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load
+from cvxlimit.scene.reactions import places
 from cvxlimit.surfaces.base import number, product
 
 
@@ -37,7 +38,8 @@ class Given:
         What surfaces and formulations see: strengths are expressions where Parameters were given.
     dead, live : array or expression (6 free blocks,)
     pull : array or expression (n,), or None
-        What the compressions of contacts that bear tension have too much, as they are stated.
+        What the compressions of contacts that bear tension have too much, as they are stated, and
+        those of reactions that push at least so much too little.
     joints : mapping of property to expression (n,), weights : expression (free blocks,) or None
     loads : mapping of "dead" or "live" to expression (6 free blocks,)
         Those that were given as Parameters.
@@ -61,19 +63,22 @@ class Given:
     @classmethod
     def of(
         cls, scene: Scene | Assemblage, joints: Mapping[str, Any], loads: Mapping[str, Any],
-        weights: Any,
+        weights: Any, bounds: Mapping[str, Any],
     ) -> Given:  # fmt: skip
         strengths = {name: value for name, value in joints.items() if value is not None}
         symbolic_loads = {name: value for name, value in loads.items() if value is not None}
-        if not (strengths or symbolic_loads) and weights is None and isinstance(scene, Assemblage):
+        own_bounds = {name: value for name, value in bounds.items() if value is not None}
+        is_own = not (strengths or symbolic_loads or own_bounds) and weights is None
+        if is_own and isinstance(scene, Assemblage):
             statics = scene.statics
             return cls(scene, statics.contacts, statics.dead, statics.live, {})
         plain = scene.scene if isinstance(scene, Assemblage) else scene
         n, free = len(plain.contacts), len(plain.free)
         values = {
-            name: _but_of_ties(plain, name, _shaped(name, value, n, "contacts"), np.ndim(value))
+            name: _of_joints(plain, name, _shaped(name, value, n, "contacts"))
             for name, value in strengths.items()
         }
+        values |= _bounds(plain, own_bounds)
         numbers = {k: v for k, v in values.items() if not isinstance(v, cp.Expression)}
         if numbers:
             plain = _jointed(plain, numbers)
@@ -99,7 +104,10 @@ class Given:
             return self.assemblage
         check_values(self.parameters())
         scene = self.assemblage.scene
-        values = {name: np.array(number(value)) for name, value in self.joints.items()}
+        values = {
+            name: value if name in ("most", "least") else _of_joints(scene, name, value)
+            for name, value in ((k, np.array(number(each))) for k, each in self.joints.items())
+        }
         strength = values.get("compressive_strength", np.zeros(len(scene.contacts)))
         if np.isinf(strength[scene.contacts.faces]).any():
             raise ModelError(
@@ -148,25 +156,80 @@ def _refuse_variables(what: str, value: Any) -> None:
         raise ModelError(f"{what} must be known, got Variable {name!r}: {cure}")
 
 
-def _but_of_ties(scene: Scene, what: str, values: Any, dimensions: int) -> Any:
-    """One number for all joints is none for ties, which have strengths of their own."""
-    is_tie = scene.contacts.is_point
-    if dimensions or not is_tie.any():
+def _of_joints(scene: Scene, what: str, values: Any) -> Any:
+    """Strengths of joints are none of ties and reactions, which bear nothing but their force."""
+    is_point = scene.contacts.is_point
+    if not is_point.any():
         return values
-    own = np.array(getattr(scene.contacts, what))
-    if not isinstance(values, cp.Expression):
-        return np.where(is_tie, own, values)
-    return cp.multiply(values, ~is_tie) + np.where(is_tie, own, 0.0)
+    if isinstance(values, cp.Expression):  # none is infinite, and points do not crush
+        return cp.multiply(values, ~is_point)
+    return np.where(is_point, getattr(scene.contacts, what), values)
 
 
 def _jointed(scene: Scene, values: Mapping[str, FloatArray]) -> Scene:
     """The scene whose contacts have these strengths, checked as a scene's own."""
-    for what, each in values.items():
+    for what in PROPERTIES.keys() & values.keys():
+        each = values[what]
         worst = int(np.argmin(np.where(np.isnan(each), -np.inf, each)))
         for j in {worst, int(np.argmax(each))}:
             name = f"{what} of contact {scene.contacts.names[j]!r}"
             PROPERTIES[what].metadata["check"](float(each[j]), name)
-    return scene._with_contacts(scene.contacts.with_values(**values))
+    contacts = scene.contacts.with_values(**values)
+    wrong = contacts.is_point & ~((contacts.least >= 0.0) & (contacts.most >= contacts.least))
+    if wrong.any():
+        j = int(np.argmax(wrong))
+        raise ModelError(
+            f"bounds of {contacts.names[j]!r} must be 0 or more in the sense that the scene gives "
+            f"them, least below most, got {contacts.least[j]:g} and {contacts.most[j]:g}"
+        )
+    return scene._with_contacts(contacts)
+
+
+def _bounds(scene: Scene, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Bounds (n,) of all contacts where those of reactions were given: what pushes and what pulls
+    are points of their own, each bounded from 0."""
+    reactions, contacts = scene.reactions, scene.contacts
+    if not given:
+        return {}
+    if not reactions:
+        raise ModelError(f"{next(iter(given))} is of reactions, of which the scene has none")
+    which, sense = np.array(places(reactions)).T
+    which, first = which.astype(int), len(contacts) - len(which)
+    result = dict[str, Any]()
+    for name, value in given.items():
+        each = _shaped(name, value, len(reactions), "reactions")
+        # most bounds what pushes from above, and from below what only pulls; least does the reverse
+        far = 1.0 if name == "most" else -1.0
+        ends = far * np.array([getattr(reaction, name) for reaction in reactions])[which]
+        for what, is_so in (("most", sense == far), ("least", (sense == -far) & (ends <= 0.0))):
+            at = np.flatnonzero(is_so)
+            placed = sp.csr_array(
+                (sense[at], (first + at, which[at])), (len(contacts), len(reactions))
+            )
+            others = np.ones(len(contacts))
+            others[first + at] = 0.0
+            base = result.get(what, getattr(contacts, what))
+            if isinstance(base, cp.Expression):
+                base = cp.multiply(others, base)
+            else:
+                base = np.where(others, base, 0.0)
+            if isinstance(each, cp.Expression):
+                base = _finite(contacts, base)
+            result[what] = base + placed @ each
+    return result
+
+
+def _finite(contacts: Contacts, bound: Any) -> Any:
+    """Bounds (n,) as a part of an expression: joints have none."""
+    if isinstance(bound, cp.Expression):
+        return bound
+    open_ones = np.flatnonzero(contacts.is_point & np.isinf(bound))
+    if len(open_ones):
+        raise ModelError(
+            f"most of {contacts.names[open_ones[0]]!r} is infinite, which no expression is: give "
+            "most as well, a large number"
+        )
+    return np.where(contacts.is_point, bound, 0.0)
 
 
 def _weighing(scene: Scene, weights: FloatArray) -> Scene:
@@ -221,15 +284,16 @@ def _loads(scene: Scene, given: Mapping[str, Any], weights: Any) -> tuple[Any, A
 
 
 def _with_tension(given: Given) -> Given:
-    """What surfaces see: strengths as they were given, and mortar's tension as a dead load besides
-    (:class:`~cvxlimit.model.mortar.Mortar`)."""
+    """What surfaces see: strengths and bounds as they were given, mortar's tension, and what pushes
+    at least so much, as a dead load besides (:class:`~cvxlimit.model.mortar.Mortar`)."""
     contacts, whole = given.contacts, given.assemblage
     values = {name: given.joints.get(name, getattr(contacts, name)) for name in PROPERTIES}
-    tension = values["tensile_strength"]
-    has_tension = isinstance(tension, cp.Expression) or bool(np.any(tension))
-    if not given.joints and not has_tension:
+    values |= {name: given.joints.get(name, getattr(contacts, name)) for name in ("least", "most")}
+    tension, least = values["tensile_strength"], values["least"]
+    has_tension, has_least = (isinstance(x, cp.Expression) or np.any(x) for x in (tension, least))
+    if not (given.joints or has_tension or has_least):
         return given
-    dead, pull, seen = given.dead, None, copy(contacts)
+    dead, seen, pull = given.dead, copy(contacts), np.zeros(len(contacts))
     if has_tension:
         strength = values["compressive_strength"]
         if isinstance(tension, cp.Expression) and not isinstance(strength, cp.Expression):
@@ -240,6 +304,14 @@ def _with_tension(given: Given) -> Given:
         values["compressive_strength"] = strength + tension
         values["tensile_strength"] = np.zeros(len(contacts))
         pull = product(contacts.area, tension)
-        dead = dead - whole.statics.matrix[:, COLUMN["N"] :: len(COMPONENTS)] @ pull
+    if has_least:
+        most = values["most"]
+        if isinstance(least, cp.Expression):
+            most = _finite(contacts, most)
+        values["most"] = most - least
+        values["least"] = np.zeros(len(contacts))
+        pull = pull - product(contacts.sense, least)
+    dead = dead - whole.statics.matrix[:, COLUMN["N"] :: len(COMPONENTS)] @ pull
     seen.__dict__.update(values, take=contacts.take)
-    return replace(given, contacts=seen, dead=dead, pull=pull)
+    shown = pull if has_tension or has_least else None
+    return replace(given, contacts=seen, dead=dead, pull=shown)

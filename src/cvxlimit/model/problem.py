@@ -46,8 +46,8 @@ class LimitProgram(Changeable):
     Parameters
     ----------
     scene : Scene or Assemblage
-    surface, friction, cohesion, compressive_strength, tensile_strength, live, dead, weights
-        As :class:`~cvxlimit.LimitProblem` takes them.
+    surface, friction, cohesion, compressive_strength, tensile_strength, live, dead, weights, most
+        As :class:`~cvxlimit.LimitProblem` takes them, and ``least``.
     formulation : callable
         :func:`corner_compressions` (default), :func:`resultants`, or one of your own.
     reduction : Reduction or None
@@ -84,6 +84,8 @@ class LimitProgram(Changeable):
         live: Any = None,
         dead: Any = None,
         weights: Any = None,
+        most: Any = None,
+        least: Any = None,
         formulation: Formulation = corner_compressions,
         reduction: Reduction | None = None,
         goal: Goal = LARGEST_FACTOR,
@@ -94,7 +96,8 @@ class LimitProgram(Changeable):
             "compressive_strength": compressive_strength,
         }  # fmt: skip
         surfaces, self.surface = surfaces_of(surface)
-        given = Given.of(scene, joints, {"dead": dead, "live": live}, weights)
+        loads, bounds = {"dead": dead, "live": live}, {"most": most, "least": least}
+        given = Given.of(scene, joints, loads, weights, bounds)
         super().__init__(given, surfaces, formulation, reduction, goal, repeats)
         self.reference: Any = None  # the last certifier, for the next
         self.shared: Any = None  # what certificates at several values of the Parameters share

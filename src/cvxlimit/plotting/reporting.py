@@ -42,12 +42,14 @@ def report(
     digest: str,
     path: Any = None,
     check: Any = None,
+    envelope: Any = None,
     sensitivity: Any = None,
     without_dilatancy: Solution | None = None,
 ) -> Page:
     """Returns the page of :meth:`cvxlimit.Solution.report`; ``digest`` is the scene's."""
     scene = solution.scene
     extras = {"Sensitivity": sensitivity, "Path": path, "Code check": check}
+    extras["Positions of a vehicle"] = envelope
     falling = solution if without_dilatancy is None else without_dilatancy
     sections = [
         ("Result", _table(_result(solution, without_dilatancy), "result")),
@@ -139,7 +141,7 @@ def _figure(drawn: Any, text: str) -> str:
 
 
 def _structure(scene: Scene) -> Rows:
-    """Yields facts about blocks, supports, contacts and ties."""
+    """Yields facts about blocks, supports, contacts, ties and reactions."""
     unit = scene.units
     free = [scene.blocks[i] for i in scene.free]
     yield "free blocks", f"{len(free)}, weight {scene.total_weight:.6g} {unit.force}"
@@ -151,11 +153,20 @@ def _structure(scene: Scene) -> Rows:
     tolerance = "one hundredth of the thinner block's mean thickness"
     if scene.joint_tolerance is not None:
         tolerance = f"{scene.joint_tolerance:g} {unit.length}"
-    yield "contacts", f"{len(scene.contacts)}, found within a joint tolerance of {tolerance}"
+    joints = len(scene.contacts.faces)
+    yield "contacts", f"{joints}, found within a joint tolerance of {tolerance}"
     for tie in scene.ties[:MOST_NAMES]:
         yield (
             "tie",
             f"{_names([tie.a])} - {_names([tie.b])}, yields at {tie.yield_force:g} {unit.force}",
+        )
+    if scene.reactions:
+        most = _range(np.array([each.most for each in scene.reactions]))
+        pushed = _names(list(dict.fromkeys(each.block for each in scene.reactions)))
+        yield (
+            "reactions",
+            f"{len(scene.reactions)} forces of a fixed direction, each as large as equilibrium "
+            f"needs, up to its bound: {most} {unit.force}; on {pushed}",
         )
     yield from (("simplified", remark) for remark in scene.told)
     if not scene.told:
@@ -317,12 +328,16 @@ def _path(path: Path) -> Rows:
 
 
 def _shown(value: Any) -> str:
-    """Returns as HTML a path, a mapping, a pandas table, anything with ``rows``, or the text of any
-    other object."""
+    """Returns as HTML a path, an envelope, a mapping, a pandas table, anything with ``rows``, or
+    the text of any other object."""
     if isinstance(value, Path):
         return f"<p><strong>{_text(sentences(value.headline))}</strong></p>" + (
             _table(_path(value)) + _curve(value)
         )
+    if hasattr(value, "crossings"):
+        drawn = _figure(value.plot(figsize=(5.2, 2.9)), "load factors at all positions")
+        said = "".join(f"<p>{_text(sentences(line))}</p>" for line in str(value).splitlines())
+        return f'{said}<div class="pictures">{drawn}</div>'
     if hasattr(value, "columns") and hasattr(value, "itertuples"):
         named = [value.index.name or "", *map(str, value.columns)]
         return _grid(value.itertuples(), named)

@@ -209,6 +209,16 @@ def _points(ties: Sequence[Tie], reactions: Sequence[Reaction]) -> Iterator[_Poi
             yield _Point(name, each.on, each.block, at, line, least, -each.least, -1.0)
 
 
+def places(reactions: Sequence[Reaction]) -> list[tuple[int, float]]:
+    """Returns which reaction each of their points is of, and its sense, in the contacts' order."""
+    return [
+        (i, sense)
+        for i, each in enumerate(reactions)
+        for sense, is_there in ((1.0, each.most > 0.0), (-1.0, each.least < 0.0))
+        if is_there
+    ]
+
+
 def with_reactions(
     contacts: Contacts, ties: Sequence[Tie], reactions: Sequence[Reaction],
     supports: Sequence[str], size: float,

@@ -90,11 +90,15 @@ def earth_pressure(
     direction: ArrayLike,
     surcharge: float = 0.0,
     blocks: Collection[str] | None = None,
+    *,
+    water: float | None = None,
+    submerged: float | None = None,
 ) -> tuple[Pressure, ...]:
     """Soil behind a structure: coefficient x (unit weight x depth + surcharge), at right angles.
 
     The faces, and all arguments not named here, are those of :func:`hydrostatic`. No friction
-    between soil and wall is assumed, which lies on the safe side for a wall pushed by it.
+    between soil and wall is assumed, which lies on the safe side for a wall pushed by it;
+    :func:`~cvxlimit.coulomb_pressure` has it.
 
     Parameters
     ----------
@@ -105,6 +109,9 @@ def earth_pressure(
         tan(45 degrees - phi / 2)^2.
     surcharge : float, optional
         Force per area on the soil's surface.
+    water, submerged : float, optional
+        Level of ground water, and the soil's unit weight below it: less by that of water. What the
+        water presses itself is :func:`hydrostatic` with the same level.
 
     Raises
     ------
@@ -120,29 +127,58 @@ def earth_pressure(
     >>> soil.on(wall.blocks)[:, 0].sum().round(6).item()  # 0.3 (18 2^2 / 2 + 5 2) 1
     13.8
     """
-    gamma = positive(coefficient, "coefficient") * positive(unit_weight, "unit_weight")
-    top = float(coefficient) * not_negative(surcharge, "surcharge")
+    share = positive(coefficient, "coefficient")
+    layers = layers_of(level, unit_weight, surcharge, water, submerged)
     up, faces = upwards(scene), looking(scene, direction, blocks)
     low, high = _below(scene, level, up, faces)
-    found = [
-        Pressure(
-            face.block.id,
-            face.normal.tolist(),
-            top,
-            (-gamma * up + 0.0).tolist(),
-            at=(level * up + 0.0).tolist(),
-            within=(-up + 0.0).tolist(),
-            corners=face.corners.tolist(),
-        )
-        for face in faces
-        if float((face.corners @ up).min()) < level
-    ]
+    found = [pressure for face in faces for pressure in on_face(face, layers, share, up)]
     if not found:
         raise InputError(
             f"level {level:g} is below all faces that look along {written(direction)}, which lie "
             f"between the heights {low:g} and {high:g}: give a level above the lowest"
         )
     return tuple(found)
+
+
+Layers = Sequence[tuple[float, float, float]]
+"""Of soil: its surface, unit weight, and pressure there, one on top of the other."""
+
+
+def layers_of(
+    level: float, unit_weight: float, surcharge: float, water: float | None,
+    submerged: float | None,
+) -> Layers:  # fmt: skip
+    """Soil, and what it weighs less below ground water."""
+    whole = positive(unit_weight, "unit_weight"), not_negative(surcharge, "surcharge")
+    if (water is None) != (submerged is None):
+        raise InputError("water and submerged go together: give both, or neither")
+    if water is None or submerged is None:
+        return [(level, *whole)]
+    finite_vector([water], 1, "water")
+    below = not_negative(submerged, "submerged")
+    if water > level or below > unit_weight:
+        raise InputError(
+            f"water {water:g} must not be above level {level:g}, nor submerged {below:g} above "
+            f"unit_weight {unit_weight:g}: a flood in front of or over soil is hydrostatic's"
+        )
+    return [(level, *whole), (water, below - whole[0], 0.0)]
+
+
+def on_face(face: Face, layers: Layers, share: float, up: FloatArray) -> list[Pressure]:
+    """What layers press on a face with so much of their weight."""
+    return [
+        Pressure(
+            face.block.id,
+            face.normal.tolist(),
+            share * first,
+            (-(share * weight) * up + 0.0).tolist(),
+            at=(surface * up + 0.0).tolist(),
+            within=(-up + 0.0).tolist(),
+            corners=face.corners.tolist(),
+        )
+        for surface, weight, first in layers
+        if float((face.corners @ up).min()) < surface
+    ]
 
 
 def uplift(

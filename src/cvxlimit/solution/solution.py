@@ -407,6 +407,7 @@ class Solution:
         *,
         path: Any = None,
         check: Any = None,
+        envelope: Any = None,
         sensitivity: Any = None,
         without_dilatancy: Solution | None = None,
     ) -> Any:
@@ -418,9 +419,9 @@ class Solution:
         ----------
         file : path or None
             Ends in ``.html``; its path is returned. Without it the page is, which notebooks show.
-        path, check, sensitivity : optional
-            Sections to add: what :func:`cvxlimit.pushover` and :func:`cvxlimit.code_check`
-            return, a text, a mapping, or a table of pandas.
+        path, check, envelope, sensitivity : optional
+            Sections to add: what :func:`cvxlimit.pushover`, :func:`cvxlimit.code_check` and
+            :func:`cvxlimit.envelope` return, a text, a mapping, or a table of pandas.
         without_dilatancy : Solution, optional
             Of method ``"zero-dilatancy"``, whose load factor is put beside this one.
 
@@ -436,7 +437,7 @@ class Solution:
         >>> "Checked by hand" in page
         True
         """
-        given = {"path": path, "check": check, "sensitivity": sensitivity}
+        given = {"path": path, "check": check, "envelope": envelope, "sensitivity": sensitivity}
         given["without_dilatancy"] = without_dilatancy
         return attached("solution_report")(self, file, given)
 

@@ -200,7 +200,9 @@ class Envelope:
         chart.axes.set(
             xlabel=f"first axle at ({self.units.length})", ylabel="load factor on the vehicle"
         )
-        chart.axes.set_ylim(bottom=0.0)
+        chart.axes.set_yscale("log")  # half and twice the least count alike
+        for each in (chart.axes.yaxis.set_major_formatter, chart.axes.yaxis.set_minor_formatter):
+            each(needed("matplotlib.ticker", "plot", "charts").LogFormatter())
         chart.write(f"{self.scene_name}: a vehicle of {self.vehicle.force:g} {self.units.force}")
         chart.write_legend()
         return chart.figure if file is None else saved(chart.figure, file, options)

@@ -59,8 +59,8 @@ class Bounds(YieldSurface):
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         at = bounded(contacts)
-        most = contacts.most[at]
-        return [Condition((), {"N": -contacts.sense[at], CONSTANT: most}, at)]
+        bounds = {"N": -contacts.sense[at], CONSTANT: contacts.most[at]}
+        return [Condition((), bounds, at)] if len(at) else []
 
 
 class Sliding(YieldSurface):
