@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import manifold3d
 import numpy as np
 
@@ -53,7 +55,7 @@ def convex_pieces(block: Block) -> list[FloatArray]:
         if _filled(piece) <= allowed:
             done.append(np.asarray(piece.hull().to_mesh64().vert_properties)[:, :3])
         else:
-            waiting += min([_cut(piece, *plane) for plane in _planes(piece)], key=_badness)
+            waiting += min((_cut(piece, *plane) for plane in _planes(piece)), key=_badness)
         if len(done) + len(waiting) > MOST:
             raise GeometryError(
                 f"block {block.id!r} is not convex, and more than {MOST} convex pieces would be "
@@ -68,8 +70,9 @@ def _filled(piece: manifold3d.Manifold) -> float:
     return float(piece.hull().volume() - piece.volume())
 
 
-def _badness(parts: list[manifold3d.Manifold]) -> tuple[float, int]:
-    return sum(map(_filled, parts)), len(parts)
+def _badness(parts: Iterable[manifold3d.Manifold]) -> tuple[float, int]:
+    filled = [_filled(part) for part in parts]
+    return sum(filled), len(filled)
 
 
 def _cut(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
@@ -32,7 +33,8 @@ def metres(scene: Scene) -> float:
     if scene.units.length not in METRES or scene.units.force not in KILONEWTONS:
         raise ModelError(
             f"motion in time needs units that can be converted (lengths {', '.join(METRES)}; "
-            f"forces {', '.join(KILONEWTONS)}), got {scene.units.length!r} and {scene.units.force!r}"
+            f"forces {', '.join(KILONEWTONS)}), got {scene.units.length!r} and "
+            f"{scene.units.force!r}"
         )
     return METRES[scene.units.length]
 
@@ -102,7 +104,7 @@ def mjcf(scene: Scene, g: float = G) -> str:
     )  # fmt: skip
     SubElement(option, "flag", multiccd="enable")
     default = SubElement(root, "default")
-    soft = {"solref": "0.002 1", "solimp": _text([IMPEDANCE, IMPEDANCE, 1e-3])}
+    soft: Any = {"solref": "0.002 1", "solimp": _text([IMPEDANCE, IMPEDANCE, 1e-3])}
     friction = _text([scene.friction, 0.0, 0.0])
     SubElement(default, "geom", condim="3", friction=friction, **soft)
     assets, world = SubElement(root, "asset"), SubElement(root, "worldbody")
