@@ -191,9 +191,12 @@ def test_a_block_with_a_notch_is_cut_and_slides_alike() -> None:
         [GROUND, notched, inner], ["ground"], PUSH, friction=0.3,
         contact_friction={("inner", "n"): 0.7},
     )  # fmt: skip
-    shaking = shake(scene, RECTANGLE)
+    shaking = shake(scene, RECTANGLE, control=("n", (1, 0, 0)))
     assert shaking.ending == "stands"
     assert every_run(shaking) == pytest.approx([1.0464] * 4, rel=WITHIN)
+    assert [x.displacements[-1, 1, 2] for x in shaking.histories] == pytest.approx(
+        [0.0] * 4, abs=WITHIN
+    )  # of the inner one, which neither sinks nor is thrown out
 
 
 def test_masses_and_inertias_are_those_of_the_blocks() -> None:
