@@ -1,6 +1,7 @@
 # What `from cvxlimit import ...` offers: a line here makes a name public, at runtime as well.
 
 from cvxlimit import compare as compare
+from cvxlimit import dynamics as dynamics
 from cvxlimit import errors as errors
 from cvxlimit import geometry as geometry
 from cvxlimit import io as io
@@ -17,6 +18,11 @@ from cvxlimit import solvers as solvers
 from cvxlimit import studies as studies
 from cvxlimit import surfaces as surfaces
 from cvxlimit.base.versions import __version__ as __version__
+from cvxlimit.dynamics.record import Record as Record
+from cvxlimit.dynamics.record import pulse as pulse
+from cvxlimit.dynamics.record import read_record as read_record
+from cvxlimit.dynamics.shaking import Shaking as Shaking
+from cvxlimit.dynamics.shaking import shake as shake
 from cvxlimit.geometry.blocks import Block as Block
 from cvxlimit.geometry.contacts import COMPONENTS as COMPONENTS
 from cvxlimit.geometry.contacts import Contact as Contact

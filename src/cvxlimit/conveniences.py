@@ -41,6 +41,8 @@ PLACES = {
     "path_save": ("io", "write_path"),
     "path_plot": ("plotting.paths", "draw_path"),
     "check_plot": ("plotting.paths", "draw_check"),
+    "scene_mjcf": ("dynamics.mjcf", "mjcf"),
+    "shaking_plot": ("plotting.shaking", "draw_shaking"),
 }
 """Module and function that does the work, by the name under which it is attached."""
 

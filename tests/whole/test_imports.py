@@ -29,7 +29,7 @@ LAYERS = (
     {"methods"},
     {"paths"},
     {"io", "plotting"},
-    {"compare", "studies"},
+    {"compare", "dynamics", "studies"},
     {"cli", "conveniences"},
     {"__init__", "__main__"},
 )

@@ -1,4 +1,4 @@
-"""``cvxlimit export-problem``: the convex problem of a scene, for those who write solvers."""
+"""``cvxlimit export``: a scene for other programs; ``export-problem``: its convex problem."""
 
 # ruff: noqa: RUF009  # options are field() of dataclasses
 
@@ -22,6 +22,7 @@ from cvxlimit.cli.options import (
 from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
+from cvxlimit.io.geometry.export import EXPORTS, export
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProgram
@@ -71,6 +72,37 @@ def export_command(asked: Export) -> ExitCode:
     sizes = (columns, "variable"), (rows, "row"), (len(program.cones), "cone")
     size = ", ".join(counted(number, what) for number, what in sizes)
     show(facts([("scene", scene.name), ("size", size), ("written", str(path))]))
+    return ExitCode.SOLVED
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneExport:
+    """What ``cvxlimit export`` is to write."""
+
+    scene: str = argument()
+    format: str = option(
+        "NAME", f"{either(kind[1:] for kind in EXPORTS)}: blocks for other programs, contacts as a "
+        "table, a model for MuJoCo.", ...
+    )  # fmt: skip
+    output: Path | None = output_option(
+        "OUT", "File; the scene's name in this folder unless given."
+    )
+
+
+@command_of(SceneExport)
+def export_scene_command(asked: SceneExport) -> ExitCode:
+    """Write the blocks of a scene for another program."""
+    form = "." + asked.format.lower()
+    if form not in EXPORTS:
+        raise InputError(
+            f"--format must be one of {', '.join(kind[1:] for kind in EXPORTS)}, got "
+            f"{asked.format!r}"
+        )
+    scene = scene_named(asked.scene)
+    path = asked.output or Path(f"{Path(scene.name).name}{form}")
+    check_outputs({"--output": path}, {asked.scene: "the scene"}, output=(form,))
+    written = export(scene, path)
+    show(facts([("scene", scene.name), *(("written", str(file)) for file in written)]))
     return ExitCode.SOLVED
 
 

@@ -80,7 +80,7 @@ def pushover_command(asked: Followed) -> ExitCode:
     outputs["--report"] = asked.report
     check_outputs(outputs, inputs, plot=list(_KINDS), report=(".html",))
     flow: Any = asked.flow
-    control = _control(asked.control)
+    control = named_block(asked.control)
 
     def followed(tell: Tell) -> Displacements:
         begin = _begin(asked.scene)
@@ -112,7 +112,8 @@ def _begin(name: str) -> Scene | Displacements:
         return PATH.from_dict(document) if is_path else scene_from_dict(document)
 
 
-def _control(text: str | None) -> tuple[str, tuple[float, ...]] | None:
+def named_block(text: str | None) -> tuple[str, tuple[float, ...]] | None:
+    """Block and direction of ``--control``."""
     if text is None:
         return None
     block, colon, direction = text.rpartition(":")

@@ -27,12 +27,13 @@ from cvxlimit.base.versions import __version__
 from cvxlimit.cli.comparing import compare_command
 from cvxlimit.cli.crossing import envelope_command
 from cvxlimit.cli.domains import domain_command
-from cvxlimit.cli.exporting import export_command
+from cvxlimit.cli.exporting import export_command, export_scene_command
 from cvxlimit.cli.following import pushover_command
 from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.options import Job
 from cvxlimit.cli.proving import prove_command
 from cvxlimit.cli.report import ExitCode, listing, refuse, show
+from cvxlimit.cli.shaking import shake_command
 from cvxlimit.cli.solving import explain_command, settle_command, show_command, solve_command
 from cvxlimit.cli.sweeping import sweep_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError, NoAnswerError
@@ -104,6 +105,12 @@ for _name, _command, _epilog in (
         "or are not certified.",
     ),
     ("compare", compare_command, None),
+    (
+        "shake", shake_command,
+        "Exit code: 0 all runs agree that it falls, or that it stands; 2 bad input; 4 they do not "
+        "agree, or blocks still move at the end.",
+    ),
+    ("export", export_scene_command, None),
     ("export-problem", export_command, None),
     ("domain", domain_command, None),
     (

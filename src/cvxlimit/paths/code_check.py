@@ -6,7 +6,7 @@ The formulas are a transcription, and have to be compared with the code in force
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,9 @@ from cvxlimit.scene import METRES, Scene, Units
 from cvxlimit.solution.kinematics import VISIBLE, corner_speeds
 
 SOURCE = "after Circolare 7/2019, C8.7.1: a transcription, to be compared with the code in force"
+
+RECORDS = 7
+"""Different records whose mean effect a check by time histories takes, after NTC 2018, 7.3.5."""
 
 _OF_DISPLACEMENT = ("d0", "d_SLV", "T_SLV", "d_SLC", "T_SLC")
 
@@ -84,6 +87,8 @@ class CodeCheck:
     refused : str
         Of a path whose load factor stays level because joints slide: why it has no displacements to
         check, and ``a0_star`` alone holds. Empty of others.
+    histories : (float or None, str) or None
+        Mean of the largest displacements in time, and what is to say of it; None if not asked.
     notes : tuple of str
         Those of the path: where joints slide, its load factors depend on the step; and which step
         the check is of.
@@ -113,6 +118,7 @@ class CodeCheck:
     slc: Limit | None
     notes: tuple[str, ...] = ()
     refused: str = ""
+    histories: tuple[float | None, str] | None = None
 
     @property
     def d_SLV(self) -> float:  # noqa: N802  # the code's own names
@@ -148,6 +154,8 @@ class CodeCheck:
             ("a SLD", self.a0_star, a, "linear check: most that is allowed at SLD"),
             ("a SLV", self.q * self.a0_star, a, f"linear check: q a SLD, q = {self.q:g}"),
         ]
+        if self.histories is not None:
+            rows.append(("d, in time", self.histories[0], length, self.histories[1]))
         if self.refused:
             return [*rows, (", ".join(_OF_DISPLACEMENT), None, "", self.refused)]
         rows.append(("d0", self.d0, length, self.ends))
@@ -210,6 +218,7 @@ def code_check(
     groups: Iterable[Iterable[str]] = (),
     local_failure: float | None = None,
     q: float = 2.0,
+    motions: Sequence[Any] = (),
 ) -> CodeCheck:
     """The displacement check of a local mechanism, after Circolare 7/2019, C8.7.1.
 
@@ -238,6 +247,11 @@ def code_check(
         factor counts as such a failure by itself.
     q : float
         Behaviour factor of the linear check at SLV.
+    motions : sequence of Shaking
+        What :func:`cvxlimit.shake` made of this scene with the control of the path, under seven
+        different records or more: the mean of their largest displacements stands beside that of the
+        control point at SLV. With fewer, or where one falls or is not decided, the row says what is
+        missing. Whether the records' spectra are those of the site is not checked.
 
     Raises
     ------
@@ -286,7 +300,38 @@ def code_check(
         float(times * path.load_factor[0]), spectral * path.displacement,
         times * path.load_factor, path.pieces, float(spectral * d0), ends,
         slv, slc, notes, refused,
+        _in_time(path, motions, np.nan if slv is None else float(slv.displacement / spectral)),
     )  # fmt: skip
+
+
+def _in_time(path: Path, motions: Sequence[Any], allowed: float) -> tuple[float | None, str] | None:
+    """Mean of the largest displacements under records, and what is to say of it; ``allowed`` is the
+    control point's displacement at SLV."""
+    if not motions:
+        return None
+    for each in motions:
+        if getattr(each, "control", None) is None or path.control is None:
+            raise InputError(
+                "motions and path must have a control point, the same one: give control= to shake "
+                "and to pushover"
+            )
+        if each.scene.name != path.scene.name or each.control != path.control:
+            raise InputError(
+                f"a motion is of scene {each.scene.name!r} with control {each.control}, and the "
+                f"path of {path.scene.name!r} with {path.control}"
+            )
+    different = {(x.record.times.tobytes(), x.record.acceleration.tobytes()): x for x in motions}
+    if (missing := RECORDS - len(different)) > 0:
+        return None, f"{len(different)} different records of {RECORDS}: {missing} are missing"
+    for said, is_so in (("it falls under", True), ("not decided under", None)):
+        names = [x.record.name for x in different.values() if x.falls is is_so]
+        if names:
+            return None, f"no mean: {said} {len(names)} of {len(different)}, as {names[0]}"
+    mean = float(np.mean([abs(x.peak.value) for x in different.values()]))
+    within = "no d_SLV of a path to compare with"
+    if np.isfinite(allowed):
+        within = f"{'within' if mean <= allowed else 'beyond'} {allowed:.4g} of the control at SLV"
+    return mean, f"mean of {len(different)} records (spectra not checked), {within}"
 
 
 def _finer(path: Path) -> tuple[Path, tuple[str, ...]]:

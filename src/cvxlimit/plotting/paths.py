@@ -9,7 +9,7 @@ from one position to another.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +24,7 @@ from cvxlimit.plotting.picture import seen
 from cvxlimit.plotting.pictures.animation import DPI, Animation
 from cvxlimit.plotting.pictures.webpage import Page, path_page, sentences
 from cvxlimit.plotting.registry import figures
+from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import rounded
 
 _LINE, _DROP, _BRACKET, _FINE = "#134b73", "#d62246", "#8b2fc9", "#f59e0b"
@@ -110,25 +111,34 @@ def _draw_pieces(
 
 def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
     """An animation of all configurations, from rest to the end of the path and back."""
-    scene, toolkit = path.scene, figures()
     motions = _motions(path)
     largest = max(motions, key=lambda motion: motion.largest)
     drawing = Drawing(
-        scene, largest, camera_for(scene, largest, viewer), _title(path),
+        path.scene, largest, camera_for(path.scene, largest, viewer), _title(path),
         f"blocks as they are displaced. {_PROVED}", bar=Bar(SPEED_STOPS, WAY_TEXT),
     )  # fmt: skip
+    texts = [text.replace(" at ", "\nat ") for text in _texts(path)]
+    forward = frames_of(drawing, motions, texts, options)
+    frames = (*forward, *forward[-2:0:-1])
+    return Animation(frames, _PAUSE * len(frames))
+
+
+def frames_of(
+    drawing: Drawing, motions: Sequence[Motion], texts: Sequence[str], options: dict[str, Any]
+) -> list[Any]:
+    """Pixels of a drawing in each of its motions, with a text below it."""
+    toolkit = figures()
     figure, artists = toolkit.assembled(drawing, seen(drawing), toolkit.Sheet(**options))
     figure.set_dpi(DPI)
     # Frames are drawn on one figure: the blocks of the last one are removed, the axes stay.
     forward = []
-    for motion, text in zip(motions, _texts(path), strict=True):
+    for motion, text in zip(motions, texts, strict=True):
         for artist in artists:
             artist.remove()
         artists = toolkit.draw_seen(figure.axes[0], seen(replace(drawing, moving=motion)), 1.0)
-        artists.append(figure.text(0.02, 0.02, text.replace(" at ", "\nat "), fontsize=8))
+        artists.append(figure.text(0.02, 0.02, text, fontsize=8))
         forward.append(figure.pixels())
-    frames = (*forward, *forward[-2:0:-1])
-    return Animation(frames, _PAUSE * len(frames))
+    return forward
 
 
 def page(path: Path) -> Page:
@@ -149,9 +159,13 @@ def _numbers(path: Path) -> dict[str, Any]:
 
 
 def _motions(path: Path) -> list[Motion]:
-    """Returns the motion of each configuration. All have the colours of the one that moved most, so
-    that a block keeps its colour through a film."""
-    motions = [moved_by(path.scene, each.displacements) for each in path]
+    return motions_of(path.scene, [each.displacements for each in path])
+
+
+def motions_of(scene: Scene, moved: Sequence[Mapping[str, FloatArray]]) -> list[Motion]:
+    """The motion to each configuration. All have the colours of the one that moved most, so that a
+    block keeps its colour through a film."""
+    motions = [moved_by(scene, each) for each in moved]
     largest = max(motions, key=lambda moving: moving.largest)
     return [replace(moving, speed=largest.speed) for moving in motions]
 

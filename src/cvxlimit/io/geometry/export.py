@@ -1,4 +1,4 @@
-"""Scenes written for other programs: OBJ and glTF of the blocks, CSV of the contacts."""
+"""Scenes written for other programs: OBJ and glTF of the blocks, CSV of the contacts, MJCF."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.attached import attached
 from cvxlimit.base.extras import needed
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
@@ -19,7 +20,7 @@ from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
-EXPORTS = (".obj", ".glb", ".csv")
+EXPORTS = (".obj", ".glb", ".csv", ".mjcf")
 
 
 def export(
@@ -30,6 +31,7 @@ def export(
     ========  ==================================================================================
     ``.obj``  blocks, one object each, polygons kept, every digit of the coordinates
     ``.glb``  blocks, one node each, in triangles and single precision (needs trimesh)
+    ``.mjcf`` all of it for MuJoCo, to move in time, see :func:`cvxlimit.dynamics.mjcf.mjcf`
     ``.csv``  contacts: name, blocks, centre, normal, area, friction, and with a ``solution`` the
               force components and the pressure centre; units stand in the first row
     ========  ==================================================================================
@@ -66,6 +68,8 @@ def export(
         data = _glb(scene)
     elif suffix == ".csv":
         data = contacts_table(scene, solution).encode("utf-8", "replace")
+    elif suffix == ".mjcf":
+        data = attached("scene_mjcf")(scene).encode("utf-8", "replace")
     else:
         raise InputError(
             f"cannot tell what to export from {target.name!r}: give a name that ends in "

@@ -1,0 +1,1 @@
+"""Motion in time under a ground acceleration, by MuJoCo (extra ``dynamics``)."""
