@@ -290,7 +290,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         """Some of the contacts, in the order of ``rows`` (k,)."""
         place, corner = members_of(self.corner_start[:-1], len(self.corner_xy), rows)
         own = ("a", "b", "origin", "axes", "sides", "area", *_PER_CONTACT)
-        return replace(
+        result = replace(
             self,
             names=tuple(self.names[j] for j in rows.tolist()),
             corner_start=np.searchsorted(place, np.arange(len(rows) + 1)),
@@ -298,6 +298,9 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             pieces={k: self.pieces[j] for k, j in enumerate(rows.tolist()) if j in self.pieces},
             **{name: getattr(self, name)[rows] for name in own},
         )
+        if "torsion_arm" in self.__dict__:  # integrals over polygons
+            result.__dict__["torsion_arm"] = self.torsion_arm[rows]
+        return result
 
     @classmethod
     def joined(cls, parts: Sequence[Contacts]) -> Contacts:

@@ -151,6 +151,8 @@ class Scene(RemadeFromFields, SceneJoints):
         if given is not None:
             return given
         detected = self._given_to(self._detection.contacts)
+        if not (self.ties or self.reactions):
+            return detected
         size = float(np.median([self.blocks[i].size for i in self.free]))
         return with_reactions(detected, self.ties, self.reactions, self.supports, size)
 
@@ -169,11 +171,16 @@ class Scene(RemadeFromFields, SceneJoints):
         """Faces that contacts take as planes that they are not in; None without any."""
         return lumped_at(self.contacts)
 
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """A sentence each on lengths and friction that look as if they were in another unit."""
+        return tuple(doubts(self))
+
     @property
     def told(self) -> tuple[str, ...]:
         """What detection leaves out or simplifies, and numbers in doubt, a sentence each."""
         lumped = "" if self.lumped is None else str(self.lumped)
-        return (*(said for said in (self.near_miss_note, lumped) if said), *doubts(self))
+        return (*(said for said in (self.near_miss_note, lumped) if said), *self.doubts)
 
     @cached_property
     def _detection(self) -> Detection:
