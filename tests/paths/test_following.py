@@ -21,7 +21,7 @@ from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.path import Configuration, rotation
 from cvxlimit.paths.points import Start
 from cvxlimit.scene.loads import PointForce, Pressure
-from cvxlimit.scene.reactions import Tie
+from cvxlimit.scene.reactions import Reaction, Tie
 from displaced import assert_balanced_within_friction
 from linkages import FourBars, leaning, rocking
 from turning import END, B, turning, wall
@@ -505,13 +505,15 @@ def refused() -> dict[str, tuple[Callable[[], Scene], str]]:
         supports=(*block.supports, "anchor"),
         ties=(Tie("anchor", "b1", (-0.9, 0.2, 0.7), (0.0, 0.2, 0.7), 1.0),),
     )
+    prop = Reaction("b1", (0.4, 0.2, 0.5), (-1, 0, 0), 3.0)
     return {
         "does not stand": (lambda: overhang, "does not stand"),
         "harmless": (lambda: block.with_live(Load(acceleration=(0, 0, -1))), "does no harm"),
         "cohesion": (lambda: block.with_cohesion(1.0), "cohesion, 1 at contact"),
         "tension": (lambda: block.with_strength(tensile=1.0), "tensile strength"),
         "crushing": (lambda: block.with_strength(compressive=9.0), "compressive strength"),
-        "ties": (lambda: tied, "ties"),
+        "ties": (lambda: tied, "ties, as .* give the force that it is to have as a point load"),
+        "reactions": (lambda: replace(block, reactions=[prop]), "reactions, as reaction ground-b1"),
         "pressure": (lambda: block.with_live(Load(pressures=[side])), "pressures in the live"),
     }
 

@@ -27,10 +27,13 @@ def checked_control(scene: Scene, control: Any) -> tuple[str, tuple[float, float
 
 
 def refuse(scene: Scene) -> None:
-    """Scenes of which no path is known yet."""
+    """Scenes of which no path is known yet, each with the way round."""
     contacts, has = scene.contacts, None
-    if scene.ties:
-        has = f"ties, as {scene.ties[0].a}-{scene.ties[0].b}"
+    way = "leave it out"
+    if contacts.is_point.any():
+        first = contacts.names[int(np.argmax(contacts.is_point))]
+        has = f"{'ties' if scene.ties else 'reactions'}, as {first}"
+        way = "give the force that it is to have as a point load, which moves with its block"
     for name, none in (
         ("cohesion", 0.0), ("tensile_strength", 0.0), ("compressive_strength", np.inf)
     ):  # fmt: skip
@@ -40,13 +43,15 @@ def refuse(scene: Scene) -> None:
             has = f"{name.replace('_', ' ')}, {value[j]:g} at contact {contacts.names[j]}"
     for load, name in ((scene.dead, "dead"), (scene.live, "live")):
         if load.pressures:
+            if has is None:
+                way = "give its resultant as a point load, which keeps its direction"
             has = has or f"pressures in the {name} load, as on block {load.pressures[0].block!r}"
         if load.growing:
             has = has or f"inertia that grows with height in the {name} load"
     if has:
         raise ModelError(
             f"scene {scene.name!r} has {has}: paths know dry friction, and loads that do not turn "
-            "with the blocks; leave it out, or solve for the load factor alone"
+            f"with the blocks; {way}, or solve for the load factor alone"
         )
 
 
