@@ -47,6 +47,7 @@ def lifted(
     return last
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("height", "friction"), [(0.4, 0.8), (0.6, 0.5)])
 def test_the_lowest_solution_of_five_blocks(height: float, friction: float) -> None:
     """It is met from below."""
@@ -77,6 +78,7 @@ def test_the_lowest_of_31_contacts_is_met_from_every_seed() -> None:
     assert lifted(scene, 0.0, min(ends), radius=1).load_factor > min(ends) * (1 - 1e-4)
 
 
+@pytest.mark.exhaustive
 def test_solutions_satisfy_every_row() -> None:
     """Of the lifted problem, at any window that they are in: products of a member's forces and
     rates, which were found and checked by another way."""

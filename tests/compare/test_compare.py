@@ -320,6 +320,7 @@ def test_refusals(models, repeat, message):
         compare(builtin_scene("single-block"), models, repeat=repeat, progress=False)
 
 
+@pytest.mark.exhaustive
 def test_facets_on_both_sides_of_the_cone():
     """Polygons bracket the cone, and twice as many facets have a fourth of the error."""
     found = compare(builtin_scene("tuff-wall"), facets=[8, 32], repeat=1, progress=False)

@@ -113,6 +113,7 @@ def test_forces_keep_their_direction_and_move_with_the_block() -> None:
     assert turned @ data.qfrc_actuator[3:] == pytest.approx(1e3 * moment)  # of a body's own axes
 
 
+@pytest.mark.exhaustive
 def test_housner_rocks() -> None:
     """Released at 0.3 alpha: impacts, and the ratio of rates, 1 - 1.5 sin^2 alpha, which the
     heights between impacts show: energy over the upright block goes with its square."""

@@ -129,6 +129,7 @@ def test_numbers_in_place_of_a_scenes_own() -> None:
     assert solution.forces[0, 2] == pytest.approx(7.0)
 
 
+@pytest.mark.exhaustive
 def test_only_what_changed_is_solved_from_where_the_last_solve_ended() -> None:
     """Solved again without a change it is the same, bit for bit; after one it is certified anew."""
     mu = cp.Parameter(value=0.6, name="mu")
