@@ -28,13 +28,13 @@ def export(
 ) -> tuple[Path, ...]:
     """Write a scene for other programs; the suffix of ``path`` says what.
 
-    ========  ==================================================================================
-    ``.obj``  blocks, one object each, polygons kept, every digit of the coordinates
-    ``.glb``  blocks, one node each, in triangles and single precision (needs trimesh)
-    ``.mjcf`` all of it for MuJoCo, to move in time, see :func:`cvxlimit.dynamics.mjcf.mjcf`
-    ``.csv``  contacts: name, blocks, centre, normal, area, friction, and with a ``solution`` the
-              force components and the pressure centre; units stand in the first row
-    ========  ==================================================================================
+    =========  =================================================================================
+    ``.obj``   blocks, one object each, polygons kept, every digit of the coordinates
+    ``.glb``   blocks, one node each, in triangles and single precision (needs trimesh)
+    ``.mjcf``  all of it for MuJoCo, to move in time, see :func:`cvxlimit.dynamics.mjcf.mjcf`
+    ``.csv``   contacts: name, blocks, centre, normal, area, friction; with a ``solution`` also
+               the force components and the pressure centre; units stand in the first row
+    =========  =================================================================================
 
     Blocks and contacts for ParaView (``.vtu``) are written by :func:`cvxlimit.plotting.plot`.
 
