@@ -197,8 +197,8 @@ def test_a_block_with_a_notch_is_cut_and_slides_alike() -> None:
     # Two bodies with a soft joint between them, which slips as well.
     assert every_run(shaking) == pytest.approx([1.0464] * 4, rel=2 * WITHIN)
     assert [x.displacements[-1, 1, 2] for x in shaking.histories] == pytest.approx(
-        [0.0] * 4, abs=WITHIN
-    )  # of the inner one, which neither sinks nor is thrown out
+        [0.0] * 4, abs=5e-3
+    )  # of the inner one, half of the gap over it: it neither sinks nor is thrown out
 
 
 def test_masses_and_inertias_are_those_of_the_blocks() -> None:

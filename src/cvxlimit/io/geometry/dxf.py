@@ -72,7 +72,8 @@ def read_dxf(path: Path, notes: list[str]) -> list[Body]:
             entities = _shown(document.modelspace(), _hidden_layers(document), hidden)
             bodies = _bodies(disassemble.recursive_decompose(entities), hidden)
             stated = int(document.header.get("$INSUNITS", 0))
-            unit = _UNITS.get(stated, str(units.unit_name(stated)).lower()) if stated else None
+            known = {u.value: u.name.lower() for u in units.InsertUnits if u.value} | _UNITS
+            unit = known.get(stated, f"number {stated} of $INSUNITS") if stated else None
     finally:
         log.propagate = was
     if hidden.total():
