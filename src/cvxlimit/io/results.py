@@ -29,7 +29,16 @@ from cvxlimit.io.forms import (
     row,
 )
 from cvxlimit.io.scenes import UNITS, scene_digest
-from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Search, Solution, Status
+from cvxlimit.solution import (
+    Iterate,
+    Iteration,
+    LowerEnd,
+    Member,
+    Reference,
+    Search,
+    Solution,
+    Status,
+)
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import Dilatancy
 
@@ -173,8 +182,8 @@ COMPONENTS_SAID = Form(
 """What the columns of forces and mechanism are, for those who read the file by other means."""
 
 
-def _rows(forces: list[tuple[float, ...]]) -> FloatArray:
-    return np.array(forces, dtype=float).reshape(-1, len(COMPONENTS))
+def _rows(entries: list[tuple[float, ...]]) -> FloatArray:
+    return np.array(entries, dtype=float).reshape(-1, len(COMPONENTS))
 
 
 NUMBERS = listed(
@@ -203,6 +212,28 @@ SCENE_DIGEST = Form(
 
 FORCES = listed(row(COMPONENTS, ANY_FINITE), "force on contact {i}", _rows)
 MECHANISM = keyed(row(RATES_NAMED, ANY_FINITE), "mechanism of block {key}")
+RATES = listed(row(RATES_NAMED, ANY_FINITE), "rates of free block {i}", _rows)
+STATE = Form(
+    lambda value, *place: _form_of(value).read(value, *place),
+    lambda value, *place: (FORCES if np.ndim(value) == 2 else NUMBERS).write(value, *place),
+    {"anyOf": [FORCES.schema, NUMBERS.schema]},
+)
+"""Contact forces, or internal ones where strength is stated in these."""
+
+
+def _form_of(value: Any) -> Form:
+    has_rows = isinstance(value, list) and all(isinstance(entry, list) for entry in value)
+    return FORCES if has_rows else NUMBERS
+
+
+REFERENCE = record(
+    Reference,
+    {
+        "load_factor": Key(nullable(FIGURE), is_needed=True),
+        "forces": Key(nullable(STATE), is_needed=True),
+        "rates": Key(nullable(RATES), is_needed=True),
+    },
+)
 
 
 def _lower_end(lower: float, upper: float, **given: Any) -> LowerEnd:
@@ -221,6 +252,7 @@ LOWER_END = record(
         "bracket": Key(BRACKET, is_needed=False, is_several=True),
         "forces": Key(nullable(FORCES), is_needed=True),
         "mechanism": Key(nullable(MECHANISM), is_needed=True),
+        "reference": Key(nullable(REFERENCE)),
     },
     _lower_end,
 )
@@ -280,6 +312,7 @@ RESULT: Document[Solution] = Document(
             "members": Key(listed(MEMBER), "{key}"),
             "searches": Key(listed(SEARCH), "{key}", is_needed=False),
             "lower_end": Key(nullable(LOWER_END), "{key}", is_needed=False),
+            "reference": Key(nullable(REFERENCE), "{key}"),
             "dilatancy": Key(nullable(DILATANCY), "{key}", is_needed=False),
             "iteration": Key(nullable(ITERATION), "{key}", is_needed=False),
             "lumped": Key(nullable(LUMPED), "{key}", is_needed=False),

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -41,8 +40,9 @@ from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments, reading_of
+from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
-from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
+from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Reference, Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
@@ -109,7 +109,6 @@ class _ProvedAgain:
     ) -> None:
         self.run = Run(solution.scene, surfaces, formulation=formulation)
         self.moments = moments
-        self.reference: tuple[FloatArray | None, float] | None = None
         self._take(solution)
 
     @cached_property
@@ -132,8 +131,6 @@ class _ProvedAgain:
     def _turned(self, end: LowerEnd) -> _ProvedAgain:
         """The lower end of an interval as a largest load factor, of the live load turned round."""
         again, statics = copy(self), self.run.assemblage.statics
-        state, factor = self._state_between
-        again.reference = state, -factor
         again.run = self.run.auxiliary_run(self.run.assemblage.under(statics.dead, -statics.live))
         held = end.bracket
         proofs = held.upper_is_proved, held.lower_is_proved
@@ -145,19 +142,10 @@ class _ProvedAgain:
                 internal=None,
                 bracket=Bracket(-held.upper, -held.lower, *proofs, held.least),
                 mechanism=end.mechanism,
-                lower_end=None,
+                reference=None if end.reference is None else end.reference.turned,
             )
         )
         return again
-
-    @cached_property
-    def _state_between(self) -> tuple[FloatArray | None, float]:
-        """Forces inside that carry the dead load with a part of the live load, and that part."""
-        search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
-        if not search.dead_load_is_unstable():
-            return None, 0.0
-        found = search.held_by_live_load()
-        return found.state, found.factor
 
     def checks(self) -> Iterator[Check]:
         """All claims, by what kind of answer it is."""
@@ -179,7 +167,7 @@ class _ProvedAgain:
         yield from self._held()
         flow = ExactFlow(self.run.contacts)
         certifier = Certifier(self.run.assemblage, (Rocking(),), flow=flow)
-        for check in self._ends([certifier.certificate(None, None, self.mechanism)]):
+        for check in self._ends(certifier.certificate(None, None, self.mechanism)):
             held = "the file holds what contacts transfer, and not friction at their points"
             yield replace(check, found=held) if check.claim.startswith("lower") else check
 
@@ -187,12 +175,6 @@ class _ProvedAgain:
 
     def _plain(self) -> Iterator[Check]:
         end = self.solution.lower_end
-        if end is not None:
-            self.reference = self._state_between
-            if self.reference[0] is None:
-                yield Check("interval", False, "no forces carry the dead load with a part of the "
-                            "live load, or it stands alone")  # fmt: skip
-                return
         if self.solution.status is Status.DEAD_LOAD_UNSTABLE:
             yield self._falls()
         elif self.solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
@@ -205,35 +187,42 @@ class _ProvedAgain:
                 yield replace(check, claim=f"lower end, live load turned round: {check.claim}")
 
     def _certified(self) -> Iterator[Check]:
-        """The load factor and both bounds. A bound depends a little on the states that it refers
-        to, and these on how narrow a bracket was wanted; and on the load factor for which forces
-        are put into balance, by some thousand times a change of it where a state has little to
-        spare. Those of the result are clipped by its bracket, those of its history are not. So
-        several are tried, and one has to be as it is held."""
+        """The load factor and both bounds, by one certificate. A bound depends a little on the
+        states that it refers to, and on the load factor for which forces are put into balance, by
+        some thousand times a change of it where a state has little to spare: those that are held
+        are taken if they are what they should be."""
         yield from self._held()
-        factors, found = (self.solution.load_factor, self.carried, *self._told), list[Bracket]()
-        for factor, tolerance in product(
-            dict.fromkeys(factors), (self.solution.tolerance or TOLERANCE, 1.0, SLACK)
-        ):
-            found.append(self._bracket(factor, tolerance))
-            if all(check.is_met for check in self._ends(found)):
-                break
-        yield from self._ends(found)
+        certifier, held = self._certifier(), self.solution
+        given = held.reference or Reference(held.load_factor)
+        if not self._refers_to(certifier, given):
+            yield Check("states that bounds refer to", False, "they are none of this scene")
+            return
+        state = self._state(given.load_factor, self._internal(certifier.strength))
+        lacks = "" if held.reference else "; the file does not hold what its bounds refer to"
+        for check in self._ends(certifier.of(state)):
+            yield check if check.is_met else replace(check, found=check.found + lacks)
 
-    @property
-    def _told(self) -> list[float | None]:
-        """Load factors from which the history had the lower bound, near what the forces carry."""
-        lower, near = self.solution.bracket.lower, self.carried or 0.0
-        told = [i.load_factor for i in self.solution.history if i.lower == lower]
-        return [t for t in told if t is not None and abs(t - near) <= self._near]
+    def _certifier(self) -> Certifier:
+        """Of the answer, as a solve makes it."""
+        run, surfaces = self.run, needed_surfaces(self.run.surfaces)
+        whole = Reductions.of(run.assemblage, surfaces, run.formulation, run.model).assemblage
+        width = self.solution.tolerance or TOLERANCE
+        return Certifier(whole, surfaces, run.formulation, width=width)
 
-    def _bracket(self, factor: float | None, tolerance: float) -> Bracket:
-        search = ConvexSearch(self.run.auxiliary_run(), self.run.model, tolerance)
-        if self.reference is None:
-            search.dead_load_is_unstable()  # which leaves forces that carry it
-        elif self.reference[0] is not None:
-            search.refer_to(self.reference[0], self.reference[1])
-        return search.bracketed(self._state(factor, self._internal(search.certifier.strength)))
+    def _refers_to(self, certifier: Certifier, given: Reference) -> bool:
+        """Whether reference states are some of this scene, which are taken then. Small against
+        themselves is not enough for what forces leave unbalanced: some may be as large as one likes
+        where blocks wedge each other."""
+        witnesses, statics = certifier.witnesses, certifier.statics
+        try:
+            is_taken = certifier.refer_to(given, self.solution.lower_end is not None)
+        except ModelError:  # of another shape
+            return False
+        if given.forces is None or not is_taken:
+            return is_taken
+        assert witnesses.dead_state is not None
+        forces = certifier.strength.forces(witnesses.dead_state)
+        return self._left(statics, forces, witnesses.factor) <= SLACK * self.run.scaling.force
 
     def _state(self, factor: float | None, internal: FloatArray | None) -> LimitState:
         given = Outcome("given", 0.0, 0.0)
@@ -307,7 +296,7 @@ class _ProvedAgain:
             yield self._cannot_stand()
         else:
             yield from self._held()
-            yield from self._ends([self._bracket_with_interaction()])
+            yield from self._ends(self._bracket_with_interaction())
 
     def _bracket_with_interaction(self) -> Bracket:
         run, solution = self.run.auxiliary_run(), self.solution
@@ -436,6 +425,6 @@ class _ProvedAgain:
             if abs(power - 1.0) > 10.0 * RESIDUAL:
                 yield Check("mechanism", False, f"its live power is {power:.7g} in place of 1")
 
-    def _ends(self, found: Sequence[Bracket]) -> Iterator[Check]:
+    def _ends(self, found: Bracket) -> Iterator[Check]:
         """Compares both bounds with those found."""
         return bound_checks(self.solution, self.run.scaling, found)

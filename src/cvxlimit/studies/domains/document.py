@@ -8,7 +8,7 @@ import numpy as np
 
 from cvxlimit.base.checks import first_twice
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import ANY_FINITE, FilePath, items, shown, text
+from cvxlimit.io.fields import FilePath, items, shown, text
 from cvxlimit.io.forms import (
     FLAG,
     TEXT,
@@ -21,11 +21,10 @@ from cvxlimit.io.forms import (
     listed,
     nullable,
     record,
-    row,
 )
-from cvxlimit.io.results import FIGURE, RATES_NAMED, RESULT, TOLERANCE
+from cvxlimit.io.results import FIGURE, RESULT, TOLERANCE
+from cvxlimit.io.results import RATES as ROWS
 from cvxlimit.io.scenes import LOAD
-from cvxlimit.model.statics import DOF
 from cvxlimit.solution import Status
 from cvxlimit.studies.domains.domain import LoadDomain
 from cvxlimit.studies.domains.supports import Support
@@ -35,11 +34,10 @@ _FORMS: dict[str, Form] = {
     "point": nullable(VECTOR), "ray": nullable(VECTOR), "loaded": nullable(VECTOR),
     "offset": FIGURE, "solution": nullable(RESULT.inside), "direction": VECTOR, "normal": VECTOR,
 }  # fmt: skip
-_ROWS = listed(row(RATES_NAMED, ANY_FINITE), "rates of free block {i}")
 RATES = Form(
-    lambda value, *place: {"rates": np.array(_ROWS.read(value, *place)).reshape(-1, DOF)},
-    lambda support, *place: None if support.rates is None else _ROWS.write(support.rates, *place),
-    _ROWS.schema,
+    lambda value, *place: {"rates": ROWS.read(value, *place)},
+    lambda support, *place: None if support.rates is None else ROWS.write(support.rates, *place),
+    ROWS.schema,
 )
 SUPPORT = record(
     Support,
