@@ -43,8 +43,8 @@ from cvxlimit.io import (
 )
 from cvxlimit.io.fields import laid_out
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Reference, Search
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Search
+from cvxlimit.solution.bracket import Bracket, Reference
 from cvxlimit.solution.kinematics import Dilatancy
 from malformed_scenes import GOLDEN
 

@@ -17,8 +17,7 @@ from cvxlimit.io import result_from_dict, result_to_dict
 from cvxlimit.masonry import arch
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.problem import LimitProgram
-from cvxlimit.solution import Reference
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.bracket import Bracket, Reference
 
 PUSH = Load(acceleration=(1, 0, 0))
 BUTTRESS = builtin_scene("flying-buttress")

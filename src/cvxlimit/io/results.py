@@ -29,17 +29,8 @@ from cvxlimit.io.forms import (
     row,
 )
 from cvxlimit.io.scenes import UNITS, scene_digest
-from cvxlimit.solution import (
-    Iterate,
-    Iteration,
-    LowerEnd,
-    Member,
-    Reference,
-    Search,
-    Solution,
-    Status,
-)
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Search, Solution, Status
+from cvxlimit.solution.bracket import Bracket, Reference
 from cvxlimit.solution.kinematics import Dilatancy
 
 _NOT_FINITE = ("nan", "inf", "-inf")

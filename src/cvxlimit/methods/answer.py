@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.solution import Iteration, LowerEnd, Member, Reference, Search
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution import Iteration, LowerEnd, Member, Search
+from cvxlimit.solution.bracket import Bracket, Reference
 from cvxlimit.solution.kinematics import Dilatancy
 
 

@@ -285,10 +285,9 @@ class ConvexSearch:
         # and a tighter one with an assumption, kept from before, would hide it
         internal = state.internal if self.certifier.strength.is_internal else None
         factor, forces = state.load_factor, state.forces
-        with_it = internal, self.certifier.witnesses.given(factor)
-        best = run.best.raised(bounds.lower, bounds.lower_is_proved, factor, forces, *with_it)
-        reached = state.mechanism, with_it[1]
-        run.best = best.lowered(bounds.upper, bounds.upper_is_proved, *reached)
+        by = self.certifier.witnesses.given(factor)
+        best = run.best.raised(bounds.lower, bounds.lower_is_proved, factor, forces, internal, by)
+        run.best = best.lowered(bounds.upper, bounds.upper_is_proved, state.mechanism, by)
         figures = ("lower", "upper", "equilibrium_residual", "yield_excess", "flow_violation")
         values = map(known, attrgetter(*figures)(bounds))
         run.note(state, settings, **dict(zip(figures, values, strict=True)))

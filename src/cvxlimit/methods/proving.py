@@ -42,8 +42,8 @@ from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments, reading_of
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
-from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Reference, Solution, Status
-from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded_down, rounded_up
+from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
+from cvxlimit.solution.bracket import TOLERANCE, Bracket, Reference, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_named, surfaces_of
@@ -78,7 +78,7 @@ def solution_checks(
     again = _ProvedAgain(held, _surfaces(solution, surface), moments, formulation)
     checks = [*again.checks()]
     answer = Answer(again.carried, forces=solution.forces, mechanism=again.mechanism)
-    if again.strength.is_internal:
+    if again.certifier.strength.is_internal:
         answer = replace(answer, internal=solution.internal)
     return [*checks, *derived_checks(solution, again.run, answer)]
 
@@ -112,14 +112,17 @@ class _ProvedAgain:
         self._take(solution)
 
     @cached_property
-    def strength(self) -> Strength:
-        """Of the scene as it is solved."""
-        surfaces = needed_surfaces(self.run.surfaces)
-        return Strength.shared(self.run.assemblage, surfaces, self.run.formulation)
+    def certifier(self) -> Certifier:
+        """Of the answer without interaction, as a solve makes it."""
+        run, surfaces = self.run, needed_surfaces(self.run.surfaces)
+        whole = Reductions.of(run.assemblage, surfaces, run.formulation, run.model).assemblage
+        width = self.solution.tolerance or TOLERANCE
+        return Certifier(whole, surfaces, run.formulation, width=width)
 
     def _take(self, solution: Solution) -> None:
         self.solution, rates = solution, solution.mechanism
-        self.__dict__.pop("carried", None)  # of another end
+        for name in ("carried", "certifier"):  # of another end
+            self.__dict__.pop(name, None)
         ids = [self.run.scene.blocks[i].id for i in self.run.scene.free]
         is_whole = rates is not None and set(ids) == set(rates)
         self.mechanism = np.array([rates[key] for key in ids]) if rates and is_whole else None
@@ -192,45 +195,37 @@ class _ProvedAgain:
         some thousand times a change of it where a state has little to spare: those that are held
         are taken if they are what they should be."""
         yield from self._held()
-        certifier, held = self._certifier(), self.solution
+        held, lacks = self.solution, "; the file does not hold what its bounds refer to"
         given = held.reference or Reference(held.load_factor)
-        if not self._refers_to(certifier, given):
+        if not self._refers_to(given):
             yield Check("states that bounds refer to", False, "they are none of this scene")
             return
-        state = self._state(given.load_factor, self._internal(certifier.strength))
-        lacks = "" if held.reference else "; the file does not hold what its bounds refer to"
-        for check in self._ends(certifier.of(state)):
-            yield check if check.is_met else replace(check, found=check.found + lacks)
+        state = self._state(given.load_factor, self._internal())
+        for check in self._ends(self.certifier.of(state)):
+            is_old = held.reference is None and not check.is_met
+            yield replace(check, found=check.found + lacks) if is_old else check
 
-    def _certifier(self) -> Certifier:
-        """Of the answer, as a solve makes it."""
-        run, surfaces = self.run, needed_surfaces(self.run.surfaces)
-        whole = Reductions.of(run.assemblage, surfaces, run.formulation, run.model).assemblage
-        width = self.solution.tolerance or TOLERANCE
-        return Certifier(whole, surfaces, run.formulation, width=width)
-
-    def _refers_to(self, certifier: Certifier, given: Reference) -> bool:
-        """Whether reference states are some of this scene, which are taken then. Small against
-        themselves is not enough for what forces leave unbalanced: some may be as large as one likes
-        where blocks wedge each other."""
-        witnesses, statics = certifier.witnesses, certifier.statics
+    def _refers_to(self, given: Reference) -> bool:
+        """Whether reference states are some of this scene, which are taken then. What forces leave
+        unbalanced must be little of the loads, and not only of themselves: where blocks wedge each
+        other, they may be as large as one likes."""
+        certifier, witnesses = self.certifier, self.certifier.witnesses
         try:
             is_taken = certifier.refer_to(given, self.solution.lower_end is not None)
         except ModelError:  # of another shape
             return False
-        if given.forces is None or not is_taken:
+        if given.forces is None or not is_taken or (state := witnesses.dead_state) is None:
             return is_taken
-        assert witnesses.dead_state is not None
-        forces = certifier.strength.forces(witnesses.dead_state)
-        return self._left(statics, forces, witnesses.factor) <= SLACK * self.run.scaling.force
+        left = self._left(certifier.statics, certifier.strength.forces(state), witnesses.factor)
+        return left <= SLACK * self.run.scaling.force
 
     def _state(self, factor: float | None, internal: FloatArray | None) -> LimitState:
         given = Outcome("given", 0.0, 0.0)
         return LimitState(given, factor, self.forces, self.mechanism, internal)
 
-    def _internal(self, strength: Strength) -> FloatArray | None:
+    def _internal(self) -> FloatArray | None:
         """The internal forces held, if they add up to what contacts transfer."""
-        internal = self.solution.internal
+        internal, strength = self.solution.internal, self.certifier.strength
         if not strength.is_internal or internal is None or self.forces is None:
             return None
         if len(internal) != strength.model.resultant_map.shape[1]:
@@ -243,9 +238,8 @@ class _ProvedAgain:
         claim, dead = "the dead load cannot stand", self.run.assemblage.statics.dead
         if self.mechanism is None:
             return Check(claim, False, "there is no mechanism that shows it")
-        search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
-        loaded = search.reductions.assemblage.alone(dead)
-        certifier = Certifier(loaded, search.surfaces, self.run.formulation)
+        whole = self.certifier
+        certifier = Certifier(whole.assemblage.alone(dead), whole.surfaces, self.run.formulation)
         # a share of the dead load below what is all of it, or below half where it is all or nothing
         enough = 0.5 if certifier.strength.is_cone else 1.0 - RESIDUAL
         upper = certifier.certificate(None, None, self.mechanism).upper
@@ -255,9 +249,8 @@ class _ProvedAgain:
         claim, live = "the live load does no harm", self.run.assemblage.statics.live
         if self.forces is None:
             return Check(claim, False, "there are no forces that show it")
-        search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
-        surfaces, formulation = search.certifier.strength.recession()
-        loaded = search.reductions.assemblage.under(live, live)
+        surfaces, formulation = self.certifier.strength.recession()
+        loaded = self.certifier.assemblage.under(live, live)
         strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
         if strength_of(loaded).is_internal:
             return Check(claim, False, "the file holds what contacts transfer, and not the "

@@ -26,7 +26,7 @@ from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, LargestFactor, Stated
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
-from cvxlimit.solution.records import Reference
+from cvxlimit.solution.bracket import Reference
 from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface

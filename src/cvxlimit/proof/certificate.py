@@ -35,8 +35,7 @@ from cvxlimit.proof.opening import OpenedMechanism, open_mechanism, spare_openin
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import NOTHING, ContactFlow, Flow, Strength, finite
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Certificate
-from cvxlimit.solution.records import Reference
+from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Certificate, Reference
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
 

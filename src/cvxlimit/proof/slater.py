@@ -23,7 +23,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import StrengthRows
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.strength import NOTHING, Strength
-from cvxlimit.solution.records import Reference
+from cvxlimit.solution.bracket import Reference
 from cvxlimit.surfaces.coulomb import bounded
 
 

@@ -1,15 +1,7 @@
 """What comes out: load factor and bracket, forces and mechanism, what joints do in it."""
 
 from cvxlimit.solution.bracket import Bracket
-from cvxlimit.solution.records import (
-    Iterate,
-    Iteration,
-    LowerEnd,
-    Member,
-    Reference,
-    Search,
-    Status,
-)
+from cvxlimit.solution.records import Iterate, Iteration, LowerEnd, Member, Search, Status
 from cvxlimit.solution.solution import LOAD_FACTOR, Solution
 
 __all__ = [
@@ -19,7 +11,6 @@ __all__ = [
     "Iteration",
     "LowerEnd",
     "Member",
-    "Reference",
     "Search",
     "Solution",
     "Status",

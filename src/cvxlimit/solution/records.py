@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.solution.bracket import Bracket, rounded
+from cvxlimit.solution.bracket import Bracket, Reference, rounded
 
 
 class Status(StrEnum):
@@ -219,34 +219,6 @@ class Search:
     load_factor: float | None
     solves: int
     last_gain: int
-
-
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """What both bounds were computed with beside forces and mechanism, and depend on a little.
-
-    None of it is believed: who computes the bounds again checks whether it is what it should be.
-
-    Attributes
-    ----------
-    load_factor : float or None
-        For which the forces were put into equilibrium: the solver's, which the bracket may clip.
-    forces : (contacts, 6) or (p,) array, or None
-        Forces strictly inside all surfaces that carry the dead load, with a part of the live load
-        where it does not stand alone; internal ones where strength is stated in these. None where
-        projections found them, which find them again.
-    rates : (free blocks, 6) array or None
-        Rates that open every contact; None where projections found them.
-    """
-
-    load_factor: float | None = None
-    forces: FloatArray | None = field(default=None, repr=False)
-    rates: FloatArray | None = field(default=None, repr=False)
-
-    @property
-    def turned(self) -> Reference:
-        """The same of the live load turned round."""
-        return replace(self, load_factor=None if self.load_factor is None else -self.load_factor)
 
 
 @dataclass(frozen=True, eq=False)

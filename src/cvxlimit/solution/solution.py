@@ -13,17 +13,9 @@ from cvxlimit.base.attached import attached
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.scene import Scene, Units, check_scene
-from cvxlimit.solution.bracket import Bracket, rounded, rounded_up
+from cvxlimit.solution.bracket import Bracket, Reference, rounded, rounded_up
 from cvxlimit.solution.kinematics import Dilatancy
-from cvxlimit.solution.records import (
-    Iterate,
-    Iteration,
-    LowerEnd,
-    Member,
-    Reference,
-    Search,
-    Status,
-)
+from cvxlimit.solution.records import Iterate, Iteration, LowerEnd, Member, Search, Status
 from cvxlimit.surfaces import YieldSurface
 
 if TYPE_CHECKING:
