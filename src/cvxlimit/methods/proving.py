@@ -89,12 +89,29 @@ def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
         return surfaces_of(given)[0]
     is_exact, name = solution.torsion_shear == "exact", solution.surface
     named = surfaces_of(name)[0] if is_exact else surfaces_named(name, solution.torsion_shear)
-    if not (found := named or solution.surfaces):
+    return known_or_asked(named or solution.surfaces, solution.scene_name, "surface", name)
+
+
+def known_or_asked(found: Any, scene: str, option: str, name: str) -> Any:
+    """What a solution or a domain of a scene names; raises InputError where it is one's own."""
+    if not found:
         raise InputError(
-            f"the solution of {solution.scene_name!r} rests on surfaces of one's own "
-            f"({solution.surface}), which no file holds: give them as surface=[...]"
+            f"what is held of {scene!r} rests on {option.removesuffix('s')}s of one's own "
+            f"({name}), which no file holds: give them as {option}=..."
         )
     return found
+
+
+def as_solved(solution: Solution, run: Run) -> tuple[FloatArray | None, FloatArray | None]:
+    """The forces (n, 6) of a solution and its rates (free blocks, 6), None if they are not of these
+    blocks: of the scene as it is solved, where mortar may have become a load."""
+    forces, rates = solution.forces, solution.mechanism
+    if forces is not None and run.mortar is not None:
+        forces = np.array(forces)
+        forces[:, COLUMN["N"]] += run.mortar.pull
+    ids = [run.scene.blocks[i].id for i in run.scene.free]
+    is_whole = rates is not None and set(ids) == set(rates)
+    return forces, np.array([rates[key] for key in ids]) if rates and is_whole else None
 
 
 class _ProvedAgain:
@@ -120,16 +137,10 @@ class _ProvedAgain:
         return Certifier(whole, surfaces, run.formulation, width=width)
 
     def _take(self, solution: Solution) -> None:
-        self.solution, rates = solution, solution.mechanism
+        self.solution = solution
+        self.forces, self.mechanism = as_solved(solution, self.run)
         for name in ("carried", "certifier"):  # of another end
             self.__dict__.pop(name, None)
-        ids = [self.run.scene.blocks[i].id for i in self.run.scene.free]
-        is_whole = rates is not None and set(ids) == set(rates)
-        self.mechanism = np.array([rates[key] for key in ids]) if rates and is_whole else None
-        self.forces = solution.forces
-        if self.forces is not None and self.run.mortar is not None:
-            self.forces = np.array(self.forces)
-            self.forces[:, COLUMN["N"]] += self.run.mortar.pull
 
     def _turned(self, end: LowerEnd) -> _ProvedAgain:
         """The lower end of an interval as a largest load factor, of the live load turned round."""
@@ -276,13 +287,9 @@ class _ProvedAgain:
 
     def _with_interaction(self) -> Iterator[Check]:
         solution, run = self.solution, self.run
-        reading = reading_of(solution.moments) if self.moments is None else None
-        if reading is None and self.moments is None:
-            raise InputError(
-                f"the solution of {solution.scene_name!r} rests on moments of one's own "
-                f"({solution.moments!r}), which no file holds: give them as moments=..."
-            )
-        run.moments = reading or parse_moments(self.moments or "")
+        name, given = solution.moments, self.moments
+        found = reading_of(name) if given is None else parse_moments(given)
+        run.moments = known_or_asked(found, solution.scene_name, "moments", name)
         if solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
             yield without_limit(self._harmless_inside(), run, solution)
         elif solution.status is Status.DEAD_LOAD_UNSTABLE:
