@@ -2,7 +2,8 @@
 
 Every number of a solution that anybody may rest on is computed anew for the scene: the load factor
 from what the forces carry, the lower bound from the forces, the upper bound from the mechanism. A
-number that comes out otherwise is not proved, whoever changed it.
+number that comes out otherwise is not proved, whoever changed it. States that bounds refer to are
+held as well where projections do not find them, and are believed as little.
 """
 
 from __future__ import annotations
