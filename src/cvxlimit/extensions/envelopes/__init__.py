@@ -1,0 +1,1 @@
+"""Vehicles that cross a bridge: the load factor at every position."""
