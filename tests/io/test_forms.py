@@ -217,7 +217,7 @@ SOLUTION = {
     "lower_end": LowerEnd(0.1, Bracket(**EVERY[Bracket]), np.ones((1, 6)), {"b": np.arange(6.0)}),
     "dilatancy": Dilatancy(0.5, ("a-b",), 2), "model": ("planar",), "quantity": "reaction",
     "contact_names": ("a-b",), "units": Units("cm", "N"), "internal": np.arange(3.0),
-    "scene_digest": "ab12",
+    "scene_digest": "ab12", "tolerance": 0.02,
     "lumped": Lumped(8, 2, 0.02, 0.5, "a-b", 0.01, 0.5),
 }  # fmt: skip
 NOT_IN_FILES = {"solved_scene", "surfaces"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,15 +13,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from pyarrow import ArrowInvalid
 
 from cvxlimit import GRAVITY, Block, Load, Scene, builtin_scene, prove, solve, sweep
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError
 from cvxlimit.io import write_result, write_scene
 from cvxlimit.scene.loads import combined
-from cvxlimit.studies import LoadDomain, load_domain, read_domain, write_domain
+from cvxlimit.solution import Status
+from cvxlimit.studies import LoadDomain, Proof, load_domain, read_domain, write_domain
+from cvxlimit.studies.domains.document import DOMAIN
+from cvxlimit.studies.rows import FIGURES
 from cvxlimit.surfaces import Rocking
 from helpers import Share
+from mutations import passing
 
 X, Y, Z = (Load(acceleration=axis) for axis in np.eye(3))
 SLOPE = np.radians(30.0)
@@ -160,6 +166,28 @@ def test_a_domain_with_interaction_that_was_changed_is_not(tmp_path: Path) -> No
         assert not prove(path, scene).is_proved
 
 
+@pytest.mark.parametrize("status", ["live load does no harm", "not certified", "converged"])
+def test_a_status_of_a_domain_follows_from_its_gap(status: str) -> None:
+    held = replace(domain("block"), status=Status(status))
+    assert [c.claim for c in prove(held, block()).missing] == [f"status {status!r}"]
+
+
+def test_no_domain_is_certified_to_any_gap() -> None:
+    document = DOMAIN.to_dict(domain("block"))
+    with pytest.raises(InputError, match="tolerance must be between 0 and 1, got 1000000000"):
+        DOMAIN.from_dict(document | {"tolerance": 1e9})
+    told = str(prove(DOMAIN.from_dict(document | {"tolerance": 0.9}), block()))
+    assert "status 'certified' (0.9 asked for)" in told
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("case", ["block", "rays", "nothing", "mortar"])
+def test_none_of_three_hundred_aimed_changes_of_a_domain_passes(case: str) -> None:
+    given = json.loads(json.dumps(DOMAIN.to_dict(domain(case))))
+    scene = DOMAINS[case][0]
+    assert not passing(given, lambda d: prove(DOMAIN.from_dict(d), scene), 300)
+
+
 def test_domains_need_their_scene_and_surfaces(tmp_path: Path) -> None:
     path, surface = tmp_path / "domain.json", [Rocking(), Share(0.5)]
     domain = load_domain(block(), tolerance=0.1, surface=surface, path=path, progress=False)
@@ -192,9 +220,8 @@ def test_a_sweep_is_proved_again(tmp_path: Path) -> None:
     swept(tmp_path / "s")
     proof = prove(tmp_path / "s")
     assert proof.is_proved, str(proof)
-    assert str(proof.checks[0]) == (
-        "12 rows with their brackets: proved (6 more say why they have none)"
-    )
+    assert str(proof.checks[0]) == "12 rows with their brackets: proved"
+    assert "6 rows more that say why they have no result" in proof.rows[-1]
 
 
 def test_a_sweep_over_a_function_needs_it(tmp_path: Path) -> None:
@@ -248,7 +275,14 @@ SPOILT: dict[str, Callable[[Path], None]] = {
     "lower": in_part("lower", lambda x: 1.001 * x),
     "upper": in_part("upper", lambda x: 0.999 * x),
     "gap": in_part("gap", 0.0),
+    "least factor": in_part("least_factor", -5.0),
     "status": in_part("status", "live load does no harm"),
+    "note": in_part("note", "carries everything"),
+    "error": in_part("error", "no such friction"),
+    "variation": in_part("variation", "0" * 24),
+    "no row": lambda folder: sorted(folder.glob("part-*.parquet"))[0].write_bytes(
+        sorted(folder.glob("part-*.parquet"))[-1].read_bytes()
+    ),
     "friction": in_part("friction", 0.25),
     "tilt": in_part("tilt", 1.0),
     "surface": in_part("surface", "octagon"),
@@ -274,6 +308,69 @@ def test_a_changed_sweep_is_not(how: str, unspoilt: Path, tmp_path: Path) -> Non
     proof = prove(folder)
     assert not proof.is_proved, str(proof)
     assert len(proof.missing) >= 1
+
+
+def test_a_least_factor_is_that_of_its_result(tmp_path: Path) -> None:
+    """0.1 of the push holds the block on its slope, 1.1 of it pushes it up."""
+    dead = Load(gravity=(0, 0, -1), acceleration=(0.6, 0, 0))
+    scene = block(0.5, 0.5, dead).with_live(Load(acceleration=(-1, 0, 0)))
+    sweep(scene, {"friction": [0.5]}, path=tmp_path / "s", progress=False)
+    assert prove(tmp_path / "s").is_proved
+    (part,) = (tmp_path / "s").glob("part-*.parquet")
+    rows = pd.read_parquet(part)
+    assert rows.least_factor[0] == pytest.approx(0.1)
+    for other in (0.15, -5.0, np.nan):
+        rows.assign(least_factor=other).to_parquet(part, index=False)
+        (missing,) = prove(tmp_path / "s").missing
+        assert "least_factor" in missing.claim
+
+
+@pytest.mark.parametrize("column", ["gap", "least_factor", "error", "identity", "status"])
+def test_a_part_without_a_column_is_told(column: str, unspoilt: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(unspoilt, tmp_path / "s")
+    for part in folder.glob("part-*.parquet"):
+        pd.read_parquet(part).drop(columns=column).to_parquet(part, index=False)
+    with pytest.raises(InputError, match=f"lacks the column '{column}': delete the part"):
+        prove(folder)
+
+
+def as_document(folder: Path) -> dict[str, Any]:
+    def rows(kind: str) -> list[dict[str, Any]]:
+        parts = map(pd.read_parquet, sorted(folder.glob(f"{kind}-*.parquet")))
+        every = [row for part in parts for row in part.to_dict("records")]
+        return [{k: x if x == x else None for k, x in row.items()} for row in every]
+
+    proofs = [row | {"proof": json.loads(row["proof"])} for row in rows("_proof")]
+    about = json.loads((folder / "_sweep.json").read_text("utf-8"))
+    return {"about": about, "rows": rows("part"), "proofs": proofs}
+
+
+def as_folder(document: dict[str, Any], folder: Path) -> Path:
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    (folder / "_sweep.json").write_text(json.dumps(document["about"]), "utf-8")
+    rows = pd.DataFrame(document["rows"])
+    figures = [name for name in FIGURES if name in rows]
+    rows[figures] = rows[figures].apply(pd.to_numeric)
+    rows.to_parquet(folder / "part-000000-0.parquet", index=False)
+    proofs = [row | {"proof": json.dumps(row.get("proof"))} for row in document["proofs"]]
+    pd.DataFrame(proofs).to_parquet(folder / "_proof-000000-0.parquet", index=False)
+    return folder
+
+
+@pytest.mark.exhaustive
+def test_none_of_three_hundred_aimed_changes_of_a_sweep_passes(tmp_path: Path) -> None:
+    grid = {"friction": [0.2, 0.3, -1.0], "surface": ["conic", "octagon"]}
+    sweep(block(2.0), grid, path=tmp_path / "s", progress=False)
+
+    def proof_of(document: dict[str, Any]) -> Proof:
+        try:
+            folder = as_folder(document, tmp_path / "other")
+        except (AttributeError, KeyError, TypeError, ValueError, ArrowInvalid) as error:
+            raise InputError("no folder is like that") from error
+        return prove(folder)
+
+    assert passing(as_document(tmp_path / "s"), proof_of, 300) == []
 
 
 def test_half_a_proof_is_named_with_the_cure(tmp_path: Path) -> None:

@@ -38,14 +38,14 @@ def prove_command(asked: Claimed) -> ExitCode:
     holds; numbers that were changed are not proved."""
     scene = None if asked.scene is None else scene_named(asked.scene)
     proof = prove(asked.file, scene)
-    show(Text(one_line(proof.about)), *(Text(f"  {one_line(str(c))}") for c in proof.checks))
+    show(Text(one_line(proof.about)), *(Text(f"  {one_line(row)}") for row in proof.rows))
     if proof.is_proved:
         return ExitCode.SOLVED
-    if not proof.checks:
+    if not proof.missing:
         raise InputError(f"{asked.file}: it claims nothing that could be proved")
-    missing = proof.missing
+    missing, claims = proof.missing, len(proof.checks) - len(proof.of("not looked at"))
     return refuse(
         ExitCode.NOT_GOOD_ENOUGH,
-        f"{asked.file}: {len(missing)} of {counted(len(proof.checks), 'claim')} not proved; the "
-        f"first is {missing[0]}",
+        f"{asked.file}: {len(missing)} of {counted(claims, 'claim')} not proved; the first is "
+        f"{missing[0]}",
     )

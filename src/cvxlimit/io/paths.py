@@ -116,10 +116,15 @@ def _path(
 ) -> Displacements:
     """A path whose parts belong to each other."""
     path = _run(scene, initial, **given)
+    for name in ("units", "contact_names", "lumped"):
+        own, found = getattr(initial, name), getattr(path.initial, name)
+        if own and str(own) != str(found):
+            raise InputError(f"{name} of initial must be those of the scene, got {shown(str(own))}")
     if halved is None:
         return path
     with refusals("halved: "):
-        fine = _run(scene, initial, **halved, flow=path.flow, control=path.control)  # type: ignore[arg-type]
+        shared = {"flow": path.flow, "control": path.control, "until": path.until}
+        fine = _run(scene, initial, **halved, **shared)  # type: ignore[arg-type]
     return replace(path, halved=fine)
 
 
@@ -173,6 +178,7 @@ PATH: Document[Displacements] = Document(
             **RUN,
             "flow": Key(choice(get_args(Flow)), "{key}"),
             "control": Key(nullable(CONTROL), "{key}"),
+            "until": Key(FINITE, "{key}"),
             "halved": Key(nullable(record(Displacements, RUN, dict)), "{key}"),
         },
         _path,

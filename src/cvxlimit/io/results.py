@@ -50,6 +50,16 @@ FIGURE = plain(_figure, {"anyOf": [{"type": "number"}, {"enum": [*_NOT_FINITE]}]
 """JSON has no numbers that are not finite: they are texts."""
 
 
+def _tolerance(value: object, where: str) -> float:
+    found = number(value, where)
+    if not 0.0 < found < 1.0:
+        raise InputError(f"{where} must be between 0 and 1, got {shown(value)}: solve anew")
+    return found
+
+
+TOLERANCE = plain(_tolerance, {"type": "number", "exclusiveMinimum": 0.0, "exclusiveMaximum": 1.0})
+"""Relative width of bracket that was asked for."""
+
 BOUNDS = {"lower": nullable(FIGURE, -math.inf), "upper": nullable(FIGURE, math.inf)}
 
 PROVED = Form(
@@ -213,11 +223,24 @@ def _solution(lower: float, upper: float, **given: Any) -> Solution:
         raise InputError(
             f"forces must be {given['contacts']} rows, one for each contact, got {len(forces)}"
         )
+    end = given.get("lower_end")
+    if end is not None and end.forces is not None and len(end.forces) != given["contacts"]:
+        raise InputError(
+            f"forces of lower_end must be {given['contacts']} rows, one for each contact, got "
+            f"{len(end.forces)}"
+        )
     names = given.get("contact_names", ())
     if names and len(names) != given["contacts"]:
         raise InputError(f"contact_names must be {given['contacts']} names, got {len(names)}")
     if mechanism is not None:
         given["mechanism"] = {block: np.array(rates) for block, rates in mechanism.items()}
+    status, factor = given["status"], given["load_factor"]
+    if not status.has_answer and not (factor is None and upper == math.inf):
+        beside = f"load_factor {shown(factor)}" if factor is not None else f"upper {upper:.7g}"
+        raise InputError(
+            f"{beside} cannot stand beside status {str(status)!r}, which says that there is none: "
+            "the file was changed; solve anew"
+        )
     return Solution(bracket=Bracket(lower, upper, **basis), **given)
 
 
@@ -256,6 +279,7 @@ RESULT: Document[Solution] = Document(
             "contact_names": Key(listed(TEXT, "name of contact {i}"), "{key}"),
             "scene_digest": Key(SCENE_DIGEST, "{key}", is_needed=False, is_several=True),
             "units": Key(UNITS, "{key}"),
+            "tolerance": Key(nullable(TOLERANCE), "{key}"),
         },
         _solution,
     ),

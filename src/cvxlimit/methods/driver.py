@@ -373,6 +373,8 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     question: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
         question[method.axis] = method.name
+    if best.load_factor is not None:
+        best = replace(best, load_factor=best.bracket.clipped(best.load_factor))
     dilatancy = None if method.axis == "flow" else dilatancy_in(run, best)
     return Solution(
         **question,
@@ -380,7 +382,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         moments=run.moments.name,
         blocks=len(run.scene.free),
         contacts=len(run.contacts),
-        load_factor=None if best.load_factor is None else best.bracket.clipped(best.load_factor),
+        load_factor=best.load_factor,
         bracket=best.bracket,
         status=status,
         history=tuple(run.history),
@@ -397,6 +399,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,
+        tolerance=getattr(method, "tolerance", None),
     )
 
 

@@ -19,8 +19,10 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
 from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.derived import bound_checks, derived_checks, why_above
 from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.driver import Run
@@ -43,7 +45,7 @@ from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
-from cvxlimit.surfaces.coulomb import surfaces_named, surfaces_of
+from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_named, surfaces_of
 
 
 def solution_checks(
@@ -72,7 +74,12 @@ def solution_checks(
         )
     if solution.quantity != LOAD_FACTOR:
         return [Check(solution.quantity, False, "only load factors can be proved again")]
-    return list(_ProvedAgain(held, _surfaces(solution, surface), moments, formulation).checks())
+    again = _ProvedAgain(held, _surfaces(solution, surface), moments, formulation)
+    checks = [*again.checks()]
+    answer = Answer(again.carried, forces=solution.forces, mechanism=again.mechanism)
+    if again.strength.is_internal:
+        answer = replace(answer, internal=solution.internal)
+    return [*checks, *derived_checks(solution, again.run, answer)]
 
 
 def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
@@ -104,9 +111,15 @@ class _ProvedAgain:
         self.reference: tuple[FloatArray | None, float] | None = None
         self._take(solution)
 
+    @cached_property
+    def strength(self) -> Strength:
+        """Of the scene as it is solved."""
+        surfaces = needed_surfaces(self.run.surfaces)
+        return Strength.shared(self.run.assemblage, surfaces, self.run.formulation)
+
     def _take(self, solution: Solution) -> None:
         self.solution, rates = solution, solution.mechanism
-        self.__dict__.pop("_carried", None)  # of another end
+        self.__dict__.pop("carried", None)  # of another end
         ids = [self.run.scene.blocks[i].id for i in self.run.scene.free]
         is_whole = rates is not None and set(ids) == set(rates)
         self.mechanism = np.array([rates[key] for key in ids]) if rates and is_whole else None
@@ -183,6 +196,7 @@ class _ProvedAgain:
             yield self._falls()
         elif self.solution.status is Status.LIVE_LOAD_HARMLESS:
             yield self._harmless()
+            yield from self._above_thrusts(self.run.auxiliary_run())  # nothing slides below it
         else:
             yield from self._certified()
         if end is not None:
@@ -196,8 +210,10 @@ class _ProvedAgain:
         spare. Those of the result are clipped by its bracket, those of its history are not. So
         several are tried, and one has to be as it is held."""
         yield from self._held()
-        factors, found = (self.solution.load_factor, self._carried, *self._told), list[Bracket]()
-        for factor, tolerance in product(dict.fromkeys(factors), (TOLERANCE, 1.0, SLACK)):
+        factors, found = (self.solution.load_factor, self.carried, *self._told), list[Bracket]()
+        for factor, tolerance in product(
+            dict.fromkeys(factors), (self.solution.tolerance or TOLERANCE, 1.0, SLACK)
+        ):
             found.append(self._bracket(factor, tolerance))
             if all(check.is_met for check in self._ends(found)):
                 break
@@ -206,7 +222,7 @@ class _ProvedAgain:
     @property
     def _told(self) -> list[float | None]:
         """Load factors from which the history had the lower bound, near what the forces carry."""
-        lower, near = self.solution.bracket.lower, self._carried or 0.0
+        lower, near = self.solution.bracket.lower, self.carried or 0.0
         told = [i.load_factor for i in self.solution.history if i.lower == lower]
         return [t for t in told if t is not None and abs(t - near) <= self._near]
 
@@ -311,7 +327,7 @@ class _ProvedAgain:
         if self.mechanism is not None:
             UpperBound(alone).offer(self.mechanism)
         is_met = alone.best.bracket.upper < 0.5
-        found = "by the mechanism" if is_met else self._why_above("no proof")
+        found = "by the mechanism" if is_met else why_above(self.solution, "no proof")
         return Check(check.claim, is_met, found)
 
     def _harmless_inside(self) -> Check:
@@ -365,6 +381,11 @@ class _ProvedAgain:
             is_met = upper <= held.upper + max(self._near, SLACK * abs(held.upper))
             said = f"associated friction, solved anew, shows {rounded_up(upper, 9)}"
             yield Check(f"upper bound {rounded_up(held.upper, 9)}", is_met, said)
+        yield from self._above_thrusts(aside)
+
+    def _above_thrusts(self, aside: Run) -> Iterator[Check]:
+        """A lower bound without dilatancy, if there is one."""
+        held = self.solution.bracket
         if np.isfinite(held.lower):
             lower = lower_bound(aside, held.lower).load_factor
             is_met = lower >= held.lower - max(self._near, SLACK * abs(held.lower))
@@ -381,7 +402,7 @@ class _ProvedAgain:
         return SLACK * max(scale, abs(factor or 0.0))
 
     @cached_property
-    def _carried(self) -> float | None:
+    def carried(self) -> float | None:
         """The load factor that the forces carry, as nearly as they carry any."""
         if self.forces is None or not np.isfinite(self.forces).all():
             return None
@@ -398,7 +419,7 @@ class _ProvedAgain:
             if forces is None or not np.isfinite(forces).all():
                 yield Check(claim, False, "there are no forces that carry it")
             else:
-                carried, left = self._carried or 0.0, self._left(statics, forces, factor)
+                carried, left = self.carried or 0.0, self._left(statics, forces, factor)
                 total = self.run.scaling.force * (1.0 + abs(factor) / self.run.scaling.ratio)
                 is_met = left <= RESIDUAL * total
                 said = "" if is_met else f"residual {left / total:.1e} of the total load"
@@ -407,44 +428,14 @@ class _ProvedAgain:
                 yield Check(claim, is_met, said or "the forces carry it")
                 if solution.bracket.clipped(factor) != factor:
                     yield Check(claim, False, f"it is outside of its bracket {solution.bracket}")
+        least, own = solution.bracket.least, self.run.scaling.least
+        if not (least == 0.0 or abs(least - own) <= SLACK * own):
+            yield Check(f"least size {least:.7g} of the bracket", False, f"it is {own:.7g}")
         if self.mechanism is not None and solution.status.has_answer:
             power = float(statics.live @ self.mechanism.ravel())
             if abs(power - 1.0) > 10.0 * RESIDUAL:
                 yield Check("mechanism", False, f"its live power is {power:.7g} in place of 1")
 
     def _ends(self, found: Sequence[Bracket]) -> Iterator[Check]:
-        """Compares both bounds with those found; any of these may be the one that was found
-        first."""
-        held = self.solution.bracket
-        for end, rounding in (("lower", rounded_down), ("upper", rounded_up)):
-            value = float(getattr(held, end))
-            proved = bool(getattr(held, f"{end}_is_proved"))
-            if not np.isfinite(value):
-                if self.solution.status.is_good:
-                    yield Check(f"{end} bound", False, f"{self.solution.status} without it")
-                continue
-            ends = [(float(getattr(f, end)), bool(getattr(f, f"{end}_is_proved"))) for f in found]
-            claim = f"{end} bound {rounding(value, 9)}"
-            slack = SLACK * max(abs(value), self.run.scaling.unit(value))
-            near = [(at, holds) for at, holds in ends if abs(at - value) <= slack]
-            if any(holds or not proved for _, holds in near):
-                by = "the forces" if end == "lower" else "the mechanism"
-                under = "" if proved else ", under the assumption of the note"
-                yield Check(claim, True, f"by {by}{under}")
-            elif near:
-                yield Check(claim, False, "only with an assumption on sizes, and none is stated")
-            else:
-                yield Check(claim, False, self._why(end, ends[0][0], rounding(ends[0][0], 9)))
-
-    def _why(self, end: str, at: float, said: str) -> str:
-        if end == "upper":
-            shows = f"the mechanism shows {said}" if np.isfinite(at) else "no mechanism shows it"
-            return self._why_above(shows)
-        if not np.isfinite(at):
-            return "the forces are not admissible" if self.forces is not None else "no forces"
-        return f"the forces show {said}"
-
-    def _why_above(self, shows: str) -> str:
-        if "branch and bound" in self.solution.note:
-            return f"{shows}; it rests on branch and bound, whose tree no file holds"
-        return shows
+        """Compares both bounds with those found."""
+        return bound_checks(self.solution, self.run.scaling, found)

@@ -59,17 +59,17 @@ equilibria is told to less where joints slide. Iterates end at once below ``SLID
 _TURN = 0.5
 """Largest rotation of an iterate, in radians: a tangent says nothing beyond."""
 
-_FINEST, _STEPS, _MOST = 1e-3, 8, 400
+FINEST, _STEPS, MOST = 1e-3, 8, 400
 """Share of the first step without an equilibrium nearer than which the structure falls; steps to
 the load factor asked for, as the last slope has it; configurations of a path."""
 
-_AHEAD, _JUMP = 1.5, 4.0
+_AHEAD, JUMP = 1.5, 4.0
 """Blocks that move so many times as far as at the pace before may have jumped, and where joints
 slide, which change their pace as they like."""
 
 
 @dataclass(frozen=True, eq=False)
-class _At:
+class At:
     """A configuration (``shown``), its pose, the gap that its slips have opened (``loose``,
     length), and whether any joint slid."""
 
@@ -105,11 +105,11 @@ class Walk:
         ])  # fmt: skip
         self.begin = Start.first(scene, reach)
         self.facets = self.begin.facets
-        self.found: list[_At] = []
+        self.found: list[At] = []
         self.snaps: list[float] = []
         self.step = 0.0
 
-    def first(self) -> _At | _Failed:
+    def first(self) -> At | _Failed:
         """Returns the configuration of the scene as given, at the largest load factor."""
         pose = self.begin.pose
         points = self.begin.points(pose)
@@ -123,16 +123,16 @@ class Walk:
             return _Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
         return self._shown(pose, points, answer, 0.0, 0.0, 1, loss)
 
-    def settle(self, start: _At, w: float) -> _At | _Failed:
+    def settle(self, start: At, w: float) -> At | _Failed:
         """Returns the equilibrium at ``w`` to which the iterates from ``start`` lead. Where nothing
         slides the associated one is also one without dilatancy, in half the time."""
         if self.has_dilatancy or not start.slides:
             found = self._associated(start, w)
-            if self.has_dilatancy or (isinstance(found, _At) and not found.slides):
+            if self.has_dilatancy or (isinstance(found, At) and not found.slides):
                 return found
         return self._without_dilatancy(start, w)
 
-    def _start(self, at: _At) -> Start:
+    def _start(self, at: At) -> Start:
         is_first = at.pose is self.begin.pose
         return self.begin if is_first else Start.at(self.facets, at.pose, at.loose)
 
@@ -147,7 +147,7 @@ class Walk:
         is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
         return _Failed(w, "blocked" if is_blocked else "falls", moved)
 
-    def _associated(self, start: _At, w: float) -> _At | _Failed:
+    def _associated(self, start: At, w: float) -> At | _Failed:
         """Returns the equilibrium at ``w`` with dilatancy, where an increment moves nothing."""
         begin, pose, before, step, last = self._start(start), start.pose, np.inf, 1.0, None
         moved = np.zeros(len(self.scene.free))
@@ -178,7 +178,7 @@ class Walk:
             last = (answer, step, number) if size < _FAR else None
         return _Failed(w, "not-converged" if size < 0.1 else "falls", moved)
 
-    def _without_dilatancy(self, start: _At, w: float) -> _At | _Failed:
+    def _without_dilatancy(self, start: At, w: float) -> At | _Failed:
         """Returns the equilibrium at ``w`` without dilatancy. Every iterate solves two problems on
         exact geometry: friction for the slips so far, then displacements with friction of these
         forces. Where slips keep changing direction the iterate with the least loss counts."""
@@ -216,7 +216,7 @@ class Walk:
     def _shown(
         self, pose: Pose, points: Points, answer: Found, w: float, residual: float, iterates: int,
         loss: float = 0.0,
-    ) -> _At:  # fmt: skip
+    ) -> At:  # fmt: skip
         free = self.scene.free
         turn = Rotation.from_matrix(pose.turn[free]).as_rotvec()
         each = np.concatenate([pose.shift[free], turn], axis=1)
@@ -225,7 +225,7 @@ class Walk:
             {self.scene.blocks[i].id: d for i, d in zip(free.tolist(), each, strict=True)},
             points, answer.forces, None, 0.0, residual, iterates, loss,
         )  # fmt: skip
-        return _At(pose, shown, *self._slid(shown))
+        return At(pose, shown, *self._slid(shown))
 
     def _slid(self, shown: Configuration) -> tuple[float, bool]:
         """Returns the widest gap opened by slips at points that bear, and whether any slid."""
@@ -242,9 +242,9 @@ class Walk:
         for shown in path:
             ways = np.array([shown.displacements[self.scene.blocks[i].id] for i in free])
             pose = self.begin.pose.moved(free, ways)
-            self.found.append(_At(pose, shown, *self._slid(shown)))
+            self.found.append(At(pose, shown, *self._slid(shown)))
 
-    def proved(self, found: _At) -> _At:
+    def proved(self, found: At) -> At:
         shown = found.shown
         least = 0.0 if self.has_dilatancy else shown.points.bearing_gap(shown.forces)
         bracket, widest = bracket_of(
@@ -252,13 +252,13 @@ class Walk:
         )
         return replace(found, shown=replace(shown, bracket=bracket, widest_gap=widest))
 
-    def keep(self, found: _At) -> None:
+    def keep(self, found: At) -> None:
         """Add a configuration to the path, with its bracket if all are to have one."""
         found = self.proved(found) if self.certify == "all" else found
         self.found.append(found)
         self.tell(f"w = {found.shown.w:.6g}: load factor {found.shown.load_factor:.6g}")
 
-    def distance(self, one: _At, other: _At) -> float:
+    def distance(self, one: At, other: At) -> float:
         """Returns how far any block has moved between two configurations (length)."""
         free = self.scene.free
         shift = np.linalg.norm(one.pose.shift[free] - other.pose.shift[free], axis=1)
@@ -280,13 +280,13 @@ class Walk:
         h = self.step = step or self.size / 40.0
         h = h if marks is None else self._to_next(marks)
         pace = np.inf
-        while len(self.found) <= _MOST:
+        while len(self.found) <= MOST:
             # One step, halved where no equilibrium is found.
             here = self.found[-1]
             there = self.settle(here, here.shown.w + h)
             if isinstance(there, _Failed):
                 h *= 0.5
-                if h < _FINEST * self.step:
+                if h < FINEST * self.step:
                     return there.kind, self._why(there)
                 continue
             # A jump on the way is enclosed, and both its ends belong to the path.
@@ -296,7 +296,7 @@ class Walk:
                 if low is not here:
                     self.keep(low)
                 way, whole = (y.shown.w - x.shown.w for x, y in (jump, (here, there)))
-                if self.distance(low, high) / way > _JUMP * self.distance(here, there) / whole:
+                if self.distance(low, high) / way > JUMP * self.distance(here, there) / whole:
                     self.snaps.append(low.shown.w)  # else a contact closed, and the curve goes up
                 self.keep(high)
                 if high.shown.load_factor <= until:
@@ -323,18 +323,18 @@ class Walk:
                 left = (there.shown.load_factor - until) / max(fall, 1e-300)
                 h = min(h, (there.shown.w + left) / _STEPS, self.size / _STEPS)
                 self.step = max(h, self.step)
-        return "steps", f"{_MOST} configurations did not bring the load factor down to {until:g}"
+        return "steps", f"{MOST} configurations did not bring the load factor down to {until:g}"
 
     def _to_next(self, marks: FloatArray) -> float:
         """Returns the distance from here to the next mark that is farther off than a jump."""
         ahead = marks - self.found[-1].shown.w
-        ahead = ahead[ahead > _FINEST * self.step]
+        ahead = ahead[ahead > FINEST * self.step]
         return float(ahead[0]) if len(ahead) else self.step
 
-    def _may_have_jumped(self, here: _At, there: _At, pace: float) -> bool:
+    def _may_have_jumped(self, here: At, there: At, pace: float) -> bool:
         """Returns whether blocks moved much farther than at the ``pace`` so far, or the dead load's
         rise differs from the work that the load factors at both ends stand for."""
-        ahead = _JUMP if there.slides else _AHEAD
+        ahead = JUMP if there.slides else _AHEAD
         if self.distance(here, there) > ahead * pace * (there.shown.w - here.shown.w):
             return True
         if there.slides:  # what slides changes direction without a jump
@@ -344,16 +344,16 @@ class Walk:
         area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
         return abs(rise - area) > 0.01 * way * abs(self.found[0].shown.load_factor)
 
-    def _jump(self, low: _At, high: _At) -> tuple[_At, _At] | None:
+    def _jump(self, low: At, high: At) -> tuple[At, At] | None:
         """Returns the last configuration before a jump and the first after it, if there is one: the
         half in which more happens is halved again. Smooth changes spread over all sixteenths."""
 
-        def happens(one: _At, other: _At) -> FloatArray:
+        def happens(one: At, other: At) -> FloatArray:
             fall = abs(one.shown.load_factor - other.shown.load_factor)
             return np.array([fall, self.distance(one, other)])
 
         whole, halvings = np.maximum(happens(low, high), 1e-300), 0
-        while high.shown.w - low.shown.w > _FINEST * self.step or halvings < 4:
+        while high.shown.w - low.shown.w > FINEST * self.step or halvings < 4:
             middle = self.settle(low, 0.5 * (low.shown.w + high.shown.w))
             if isinstance(middle, _Failed):
                 return None
@@ -364,12 +364,12 @@ class Walk:
                 return None
         return low, high
 
-    def enough(self, found: _At) -> float:
+    def enough(self, found: At) -> float:
         """Returns how near to its end a path has to come, as a difference of load factors."""
         share = SLIDING if found.slides else 0.1 * ZERO
         return share * abs(self.found[0].shown.load_factor)
 
-    def _end(self, here: _At, there: _At, until: float) -> _At:
+    def _end(self, here: At, there: At, until: float) -> At:
         """Returns the configuration between two whose load factor is ``until``, or the nearest."""
         if there.shown.load_factor >= until - self.enough(there):
             return there
@@ -408,7 +408,7 @@ class Walk:
         w = np.array([x.shown.w for x in self.found])
         alpha = np.array([x.shown.load_factor for x in self.found])
         energy = np.array([-self.loads.work(x.pose)[0] for x in self.found])
-        near = np.flatnonzero(np.diff(w) <= _FINEST * self.step) + 1
+        near = np.flatnonzero(np.diff(w) <= FINEST * self.step) + 1
         jumps = np.union1d(near, np.searchsorted(w, self.snaps, side="right")).astype(int)
         for begin, end in pairwise([0, *jumps.tolist(), len(w)]):
             if end - begin > 1:
@@ -430,7 +430,7 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
     size = path.scene.contacts.typical_size
     walk = Walk(path.scene, "all", REACH * size, lambda line: None, path.flow)
     walk.resume(path)
-    here, found = walk.found[after - 1], dict[float, _At]()
+    here, found = walk.found[after - 1], dict[float, At]()
 
     def beyond(w: float) -> float:
         settled = walk.settle(here, w)

@@ -174,7 +174,7 @@ class Path:
         The same in a sentence, with the names of blocks.
     flow : str
     step : float
-        Step of w, as it was chosen at first.
+        Longest step of w.
     snaps : tuple of float
         Where no neighbouring equilibrium exists, and the structure jumps: w before the jump.
     work : Work or None
@@ -184,6 +184,8 @@ class Path:
     notes : tuple of str
     halved : Path or None
         Of a path that slides with steps that the package chose: the same with each step in two.
+    until : float
+        Load factor that was asked for as its end.
     """
 
     initial: Solution
@@ -198,6 +200,7 @@ class Path:
     control: tuple[str, tuple[float, float, float]] | None = None
     notes: tuple[str, ...] = field(default=())
     halved: Path | None = None
+    until: float = 0.0
 
     def __len__(self) -> int:
         return len(self.configurations)

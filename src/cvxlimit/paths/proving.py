@@ -8,25 +8,34 @@ path claims of every configuration is checked from the scene and the displacemen
     A(q) x + f_dead(q) + alpha f_live(q) = 0,     abs(v) <= mu n at every point,
 
 forces act at points of the displaced blocks, friction without dilatancy lacks no more of opposing
-its slip than is said, and the bracket is found again. How a path ends, and that the structure gets
-from one configuration to the next, nobody proves.
+its slip than is said, and the bracket is found again. From the configurations follows what the path
+says of itself: that it begins at rest and goes on by no more than its step, whether joints slide,
+where it jumps, and how it ends. That the structure gets from one configuration to the next, nobody
+proves.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray
-from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
+from cvxlimit.methods.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
 from cvxlimit.methods.proving import solution_checks
 from cvxlimit.model.statics import DOF
-from cvxlimit.paths.following import REACH, Walk
+from cvxlimit.paths.following import FINEST, JUMP, MOST, REACH, At, Walk
 from cvxlimit.paths.increment import Increment
-from cvxlimit.paths.path import CLOSED, Path, Points
+from cvxlimit.paths.path import CLOSED, SLIDING, Path, Points
 from cvxlimit.paths.points import Start
 from cvxlimit.paths.proof import bracket_of
+
+_LOOKED_AT = (
+    "initial", "configurations", "status", "flow", "step", "snaps", "work", "slides", "control",
+    "halved", "until",
+)  # fmt: skip
 
 
 def path_checks(path: Path) -> Iterator[Check]:
@@ -34,12 +43,19 @@ def path_checks(path: Path) -> Iterator[Check]:
     those of the run with half the step, if there is one. What holds of configurations is said once
     for all of them; what does not, one by one."""
     for check in solution_checks(path.initial, path.scene):
-        yield Check(
-            f"at rest, friction over whole joints: {check.claim}", check.is_met, check.found
-        )
+        is_proof = check.kind == "proved" or not check.is_met
+        which = "at rest, friction over whole joints" if is_proof else "initial"
+        yield replace(check, claim=f"{which}: {check.claim}")
     yield from _configuration_checks(path, "")
-    if path.halved is not None:
-        yield from _configuration_checks(path.halved, " with half the step")
+    half = path.halved
+    if half is not None:
+        yield from _configuration_checks(half, " with half the step")
+        is_half = half.step <= 0.5 * path.step * (1.0 + FINEST)
+        yield follows("half the step", is_half, "" if is_half else f"it is {half.step:.6g}")
+    elif path.slides:
+        yield unseen("what half the step changes", "there is no run with it")
+    yield from unseen_fields(path, _LOOKED_AT)
+    yield unseen("residual and iterates of configurations")
 
 
 def _configuration_checks(path: Path, which: str) -> Iterator[Check]:
@@ -57,12 +73,68 @@ def _configuration_checks(path: Path, which: str) -> Iterator[Check]:
     if good := len(path) - len(wrong):
         said = f"{good} configurations{which} in equilibrium, {with_bracket} of them with brackets"
         yield Check(said, True)
-    if path.work is not None:
+    yield from _course_checks(walk, path, which)
+    if path.work is None:
+        yield Check(f"area and potential{which}", False, "there are none")
+    else:
         again = walk.work()
         off = max(abs(np.subtract(again, path.work))) / max(map(abs, (*again, 1e-300)))
         yield Check(
             f"area and potential{which}", off <= SLACK, "" if off <= SLACK else f"they are {again}"
         )
+
+
+def _course_checks(walk: Walk, path: Path, which: str) -> Iterator[Check]:
+    """What follows from the configurations of one run together."""
+    size, steps = walk.size, np.diff(path.w)
+    first = np.array([*path[0].displacements.values()])
+    rest = max(abs(path[0].w), float(np.abs(first).max()))
+    is_met = rest <= SLACK * size
+    yield follows(f"start at rest{which}", is_met, "" if is_met else f"moved by {rest:.3g}")
+    is_met = bool((steps > 0.0).all() and (steps <= path.step * (1.0 + FINEST)).all())
+    longest = float(steps.max(initial=0.0))
+    yield follows(f"step {path.step:.4g}{which}", is_met, "" if is_met else f"one of {longest:.6g}")
+    slides = any(found.slides for found in walk.found)
+    claims, is_met = ("no joint slides", "joints slide"), path.slides == slides
+    yield follows(f"{claims[path.slides]}{which}", is_met, "" if is_met else claims[slides])
+    yield _jumps(walk, path, which)
+    yield _ending(walk, path, which)
+
+
+def _jumps(walk: Walk, path: Path, which: str) -> Check:
+    """Jumps are enclosed: between their ends blocks move far more per step than elsewhere."""
+    ways = np.diff(path.w)
+    moved = np.array([walk.distance(x, y) for x, y in pairwise(walk.found)])
+    is_short = ways <= FINEST * path.step * (1.0 + FINEST)
+    pace = moved / np.maximum(ways, 1e-300)
+    usual = float(np.median(pace[~is_short])) if (~is_short).any() else np.inf
+    told = np.isin(path.w[:-1], path.snaps)
+    wrong = np.flatnonzero(
+        (told & ~(is_short & (pace > usual))) | (~told & is_short & (pace > JUMP**2 * usual))
+    )
+    found = "" if not len(wrong) else (
+        f"{'no' if told[wrong[0]] else 'a'} jump follows w = {path.w[wrong[0]]:.6g}"
+    )  # fmt: skip
+    return follows(f"{len(path.snaps)} jumps{which}", not len(wrong), found)
+
+
+def _ending(walk: Walk, path: Path, which: str) -> Check:
+    """How a run ends follows from its last load factor, or from what is found beyond it."""
+    last, status = walk.found[-1], path.status
+    claim, left = f"status {status!r}{which}", last.shown.load_factor - path.until
+    told = f"load factor {last.shown.load_factor:.6g}, {path.until:g} asked for"
+    has_come = left <= walk.enough(last)
+    if has_come or status in ("zero", "steps"):
+        is_met = has_come if status == "zero" else not has_come and len(path) > MOST
+        return follows(claim, is_met, told)
+    if status == "interrupted":
+        return unseen(claim, told)
+    walk.step, ends = path.step, list[str]()
+    for share in (2.0, 1.0):  # the last step that was tried is one or the other, or between them
+        there = walk.settle(last, last.shown.w + share * FINEST * path.step)
+        ends.append("goes on" if isinstance(there, At) else there.kind)
+    is_met = status in ends
+    return follows(claim, is_met, "found again" if is_met else f"beyond it {' or '.join(ends)}")
 
 
 def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
@@ -101,7 +173,7 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     forces[:, [2, 0, 1]] = here.forces
     residual = np.abs(statics.residual(forces, here.load_factor))
     residual[:, 3:] /= size  # moments
-    dead_load = np.abs(statics.dead.reshape(-1, DOF)[:, :3]).sum()
+    dead_load = np.abs(statics.dead.reshape(-1, DOF)[:, :3]).sum() or loads.size
     if not residual.max() <= RESIDUAL * dead_load:
         yield "equilibrium", f"forces miss it by {residual.max() / dead_load:.1e} of the dead load"
 
@@ -110,19 +182,27 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     if not excess <= RESIDUAL * dead_load:
         yield "friction", f"forces exceed it by {excess / dead_load:.1e} of the dead load"
 
+    if (path.flow == "associated" or i == 0) and here.loss > SLIDING:
+        yield f"loss {here.loss:.1e}", "there is none"
+
     # Without dilatancy friction opposes the slip of the last step, but for the loss that is told: a
     # share of the live load's work on that step at the first load factor.
     if path.flow != "associated" and i > 0:
-        work = (here.w - path[i - 1].w) * loads.size * abs(path[0].load_factor)
-        loss = here.points.lost(here.forces) / work
-        if not loss <= max(here.loss, SLACK) * (1.0 + SLACK):
+        way = here.w - path[i - 1].w
+        loss = here.points.lost(here.forces) / (way * loads.size * abs(path[0].load_factor))
+        rounding = RESIDUAL * max(1.0, path.step / way)  # both ends of a jump are near each other
+        if not loss <= max(here.loss, rounding) * (1.0 + SLACK):
             yield f"loss {here.loss:.1e}", f"friction lacks {loss:.1e} of the step's work"
 
     # The bracket: no end of it is better, or called proved, where the one found again is not.
     if here.bracket is None:
+        if here.widest_gap:
+            yield f"widest gap {here.widest_gap:.3g}", "there is no bracket that it is of"
         return
     least_gap = 0.0 if walk.has_dilatancy else here.points.bearing_gap(here.forces)
-    again = bracket_of(scene, points, pose, loads, walk.flow, least_gap)[0]
+    again, widest = bracket_of(scene, points, pose, loads, walk.flow, least_gap)
+    if not abs(widest - here.widest_gap) <= CLOSED * size:
+        yield f"widest gap {here.widest_gap:.3g}", f"it is {widest:.3g}"
     unit = max(abs(path[0].load_factor), abs(here.load_factor))
     for end, sign in (("lower", 1.0), ("upper", -1.0)):
         claimed, found = getattr(here.bracket, end), getattr(again, end)

@@ -146,9 +146,11 @@ def pushover(
         if certify == "last":
             walk.found[-1] = walk.proved(walk.found[-1])
         slides = any(x.slides for x in walk.found)
+        longest = begin.step if begin is not None and len(begin) > 1 else 0.0
         return Path(
-            initial, tuple(x.shown for x in walk.found), *ending, kind, walk.step,
+            initial, tuple(x.shown for x in walk.found), *ending, kind, max(walk.step, longest),
             tuple(walk.snaps), walk.work(), slides, about, (SLIDES[kind],) if slides else (),
+            until=float(until),
         )  # fmt: skip
 
     path = replace(follow(step, begin), halved=None)

@@ -21,7 +21,6 @@ from cvxlimit.surfaces import YieldSurface
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-
 Table = Literal["contacts", "blocks", "history"]
 
 LOAD_FACTOR = "load factor"
@@ -89,10 +88,10 @@ class Solution:
         In the order of ``forces``; empty for a file of a version below 0.2.
     scene_digest : str
         Of a file, the digest of its scene (:func:`~cvxlimit.io.scene_digest`); else empty.
-    units : Units or None
-        Units of all numbers; None for a file of a version below 0.2.
-    lumped : Lumped or None
-        As of the scene; None for a file of a version below 0.3.
+    tolerance : float or None
+        Width of the bracket, or change of an iteration, that was asked for; None where none was.
+    units : Units or None, lumped : Lumped or None
+        As of the scene; None for files of versions below 0.2 and below 0.3.
     solved_scene : Scene or None
         What was solved; None for a solution read from a file. What needs the scene raises
         InputError until :meth:`of` gives it.
@@ -132,6 +131,7 @@ class Solution:
     scene_digest: str = field(default="", repr=False)
     units: Units | None = None
     lumped: Lumped | None = None
+    tolerance: float | None = None
 
     def __post_init__(self) -> None:
         if (scene := self.solved_scene) is not None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from cvxlimit.errors import CvxlimitError, InputError
 from cvxlimit.io.fields import file_prefix, read_document, refusals, shown
@@ -15,7 +15,8 @@ from cvxlimit.io.paths import PATH
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
-from cvxlimit.methods.checks import Check
+from cvxlimit.methods.checks import Check, Kind, unseen
+from cvxlimit.methods.derived import words_of_method
 from cvxlimit.methods.proving import solution_checks
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.paths.path import Path as Displacements
@@ -26,11 +27,13 @@ from cvxlimit.solution import Solution
 from cvxlimit.studies.domains.document import DOMAIN
 from cvxlimit.studies.domains.domain import LoadDomain
 from cvxlimit.studies.domains.proving import DomainAgain
+from cvxlimit.studies.rows import FIGURES, RESULTS, results_of
 from cvxlimit.studies.rows import Study as Rows
 from cvxlimit.studies.store import (
     IDENTITY,
     KEY,
     about_sweep,
+    key_of,
     proofs_of,
     read_sweep,
 )
@@ -51,14 +54,14 @@ class Proof:
     about : str
         What was looked at.
     checks : tuple of Check
-        Every claim, with what it rests on, or why it is not proved.
+        Every claim, with what it rests on, or why it is not proved; and what was not looked at.
 
     Example
     -------
     >>> from cvxlimit import builtin_scene, prove, solve
     >>> proof = prove(solve(builtin_scene("stack")))
-    >>> proof.is_proved, len(proof.checks)
-    (True, 3)
+    >>> proof.is_proved, len(proof.of("proved")), proof.of("not looked at")[0].claim
+    (True, 3, 'history')
     """
 
     about: str
@@ -66,16 +69,32 @@ class Proof:
 
     @property
     def is_proved(self) -> bool:
-        """True if there is something that is claimed, and all of it is proved."""
-        return bool(self.checks) and all(check.is_met for check in self.checks)
+        """True if something is proved, and nothing that was looked at fails."""
+        return bool(self.of("proved")) and all(check.is_met for check in self.checks)
+
+    def of(self, kind: Kind) -> tuple[Check, ...]:
+        """What is proved, what follows from that, or what was not looked at."""
+        return tuple(check for check in self.checks if check.is_met and check.kind == kind)
 
     @property
     def missing(self) -> tuple[Check, ...]:
         """The claims that are not proved."""
         return tuple(check for check in self.checks if not check.is_met)
 
+    @property
+    def rows(self) -> list[str]:
+        """A line for each claim that is proved, or is not, one for all that follow from these, and
+        one for what was not looked at."""
+        alone = [str(c) for c in self.checks if not c.is_met or c.kind == "proved"]
+        for kind in get_args(Kind)[1:]:
+            others = dict.fromkeys(
+                f"{c.claim} ({c.found})" if c.found else c.claim for c in self.of(kind)
+            )
+            alone += [f"{kind}: {', '.join(others)}"] if others else []
+        return alone
+
     def __str__(self) -> str:
-        return "\n".join([self.about, *map(str, self.checks)])
+        return "\n".join([self.about, *self.rows])
 
 
 def prove(
@@ -151,7 +170,10 @@ def prove(
 def _path(path: Displacements, scene: Scenes | None) -> Proof:
     if scene is not None:
         _scene_of(path.scene.name, scene_digest(path.scene), scene, _ALL)
-    return Proof(f"path of scene {path.scene.name!r}", tuple(path_checks(path)))
+    checks, own = [*path_checks(path)], path.initial.scene_digest
+    if own and own != scene_digest(path.scene):
+        checks.append(Check("initial: scene_digest", False, "it is of another scene"))
+    return Proof(f"path of scene {path.scene.name!r}", tuple(checks))
 
 
 def _result(solution: Solution, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
@@ -190,6 +212,8 @@ def _rows(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iterat
     if isinstance(about.get("base"), dict):
         with refusals(f"{folder}: "):
             own_base = scene_from_dict(about["base"])
+            if about.get("scene") != f"{own_base.name} {scene_digest(own_base)}":
+                yield Check(f"scene {about.get('scene')!s:.60}", False, "the base is another one")
     base = scenes or own_base
     if isinstance(base, Scene) and own_base is not None:
         _scene_of(own_base.name, scene_digest(own_base), base, _ALL)
@@ -199,18 +223,38 @@ def _rows(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iterat
             "and the folder does not hold them: prove(folder, function)"
         )
     rows, proofs = read_sweep(folder).to_dict("records"), proofs_of(folder)
-    good = 0
+    good, failed, unknown = 0, 0, dict[str, Check]()
     for row in rows:
-        if row["error"]:
-            continue
-        missing = [c for c in _row(row, proofs, base, own) if not c.is_met]
-        good += not missing
+        if lost := [c for c in (KEY, IDENTITY, *RESULTS) if not _is_held(row.get(c), c in FIGURES)]:
+            raise InputError(
+                f"{folder}: {_called(row)} lacks the column {lost[0]!r}: delete the part that "
+                "holds it, and the same call solves its rows again"
+            )
+        checks = [*_row(row, proofs, base, own)]
+        missing = [c for c in checks if not c.is_met]
+        failed += bool(row["error"]) and not missing
+        good += not row["error"] and not missing
+        unknown |= {c.claim: c for c in checks if c.is_met and c.kind == "not looked at"}
         for check in missing:
-            yield Check(f"{_called(row)}, {check.claim}", False, check.found)
-    failed = sum(bool(row["error"]) for row in rows)
-    said = f"{failed} more say why they have none" if failed else ""
+            yield replace(check, claim=f"{_called(row)}, {check.claim}")
+    known = {row[IDENTITY] for row in read_sweep(folder, every=True).to_dict("records")}
+    if orphans := len(proofs.keys() - known):
+        yield Check(_rows_said(orphans), False, "results are held, and no rows of them")
     if good:
-        yield Check(f"{good} rows with their brackets", True, said)
+        yield Check(f"{_rows_said(good)} with their brackets", True)
+    if failed:
+        yield unseen(f"{_rows_said(failed)} more that say why they have no result")
+    yield from unknown.values()
+    yield unseen("version, options")
+
+
+def _rows_said(number: int) -> str:
+    return f"{number} row{'s' * (number != 1)}"
+
+
+def _is_held(value: Any, is_figure: bool) -> bool:
+    """False where a row has no entry: NaN is a figure, and no text."""
+    return value is not None and (is_figure or value == value)
 
 
 def _called(row: Mapping[str, Any]) -> str:
@@ -232,27 +276,34 @@ def _parameters(row: Mapping[str, Any]) -> dict[str, Any]:
 def _row(
     row: Mapping[str, Any], proofs: Mapping[str, str], base: Scenes, own: Mapping[str, Any]
 ) -> Iterator[Check]:
-    text = proofs.get(row.get(IDENTITY, ""))
+    parameters = _parameters(row)
+    asked = {name: row[name] for name in [*row][: [*row].index("load_factor")]} | parameters
+    asked = {k: x if x == x else None for k, x in asked.items() if k not in (KEY, IDENTITY)}
+    if row[KEY] not in (key_of(parameters), key_of(asked)):
+        yield Check(f"{KEY} {row[KEY]!r}", False, "it is the name of other parameters")
+    text = proofs.get(row[IDENTITY])
+    if row["error"]:
+        if text is not None or any(row[name] == row[name] for name in FIGURES) or row["status"]:
+            yield Check(f"error {row['error']!r:.60}", False, "there is a result beside it")
+        return
     if text is None:
         yield Check("bracket", False, "the folder holds no forces and no mechanism of it")
         return
     try:
         solution = result_from_dict(_json(text))
-        parameters, options = Rows(base).split(_parameters(row))
-        scene = varied(base, **parameters) if isinstance(base, Scene) else base(**parameters)
+        scenes, options = Rows(base).split(parameters)
+        scene = varied(base, **scenes) if isinstance(base, Scene) else base(**scenes)
         if solution.scene_digest != scene_digest(scene):
             yield Check("scene", False, "what is held is of another scene than its parameters make")
             return
-        for name, held in (
-            ("load_factor", solution.load_factor), ("lower", solution.lower),
-            ("upper", solution.upper), ("gap", solution.gap), ("status", str(solution.status)),
-        ):  # fmt: skip
-            given = row[name]
-            is_missing = held is None and given != given
-            if given != held and not is_missing:
-                yield Check(f"{name} {given!r}", False, f"its result says {held!r}")
+        for name, held in results_of(solution).items():
+            if row[name] != held and (row[name] == row[name] or held == held):
+                yield Check(f"{name} {row[name]!r:.60}", False, f"its result says {held!r:.60}")
         yield from _options(options, solution)
-        yield from solution_checks(solution, scene, **own)
+        checks = solution_checks(solution, scene, **own)
+        yield from checks
+        # a note, which nobody looks at, is that of the result
+        yield from map(unseen, {*row} - {KEY, IDENTITY, *parameters, *asked, *results_of(solution)})
     except CvxlimitError as error:
         yield Check("bracket", False, str(error))
 
@@ -264,10 +315,15 @@ def _options(options: Mapping[str, Any], solution: Solution) -> Iterator[Check]:
         said |= words_of(surfaces_of(options["surface"])[1])
     if options.get("moments") is not None and solution.interaction != "none":
         said["moments"] = str(options["moments"])
+    if options.get("tolerance") is not None:
+        said["tolerance"] = options["tolerance"]
+    if isinstance(options.get("method"), str):
+        said |= words_of_method(options["method"])
     for name, value in said.items():
         held = getattr(solution, name)
         if value != held:
             yield Check(f"{name} {value!r}", False, f"its result says {held!r}")
+    yield from map(unseen, options.keys() - {"surface", "moments", "tolerance", "method"})
 
 
 def _json(text: str) -> Any:

@@ -241,18 +241,7 @@ class Study:
     def _solved(self, scene: Scene, options: Row, known: Structures) -> Row:
         """Returns the results of one scene, by column."""
         solution = _answer(known, scene, {**self.options, **options})
-        figures: Row = {
-            "load_factor": np.nan if solution.load_factor is None else solution.load_factor,
-            "lower": solution.lower,
-            "upper": solution.upper,
-            "gap": solution.gap,
-            "least_factor": np.nan
-            if solution.lower_end is None
-            else solution.lower_end.load_factor,
-            "status": str(solution.status),
-            "note": solution.note,
-            "solver": solution.history[-1].solver if solution.history else "",
-        }
+        figures = results_of(solution)
         figures |= dict(self.measure(solution) if self.measure else {})
         if self.asked:
             figures[PROOF] = json.dumps(result_to_dict(solution))
@@ -266,6 +255,21 @@ class Study:
         scene = given(**parameters)
         check_scene(scene)
         return scene
+
+
+def results_of(solution: Solution) -> Row:
+    """Returns what a row says of its solution, by column."""
+    factor, end = solution.load_factor, solution.lower_end
+    return {
+        "load_factor": np.nan if factor is None else factor,
+        "lower": solution.lower,
+        "upper": solution.upper,
+        "gap": solution.gap,
+        "least_factor": np.nan if end is None else end.load_factor,
+        "status": str(solution.status),
+        "note": solution.note,
+        "solver": solution.history[-1].solver if solution.history else "",
+    }
 
 
 def _answer(known: Structures, scene: Scene, options: Row) -> Solution:

@@ -23,7 +23,7 @@ from cvxlimit.io.forms import (
     record,
     row,
 )
-from cvxlimit.io.results import FIGURE, RATES_NAMED, RESULT
+from cvxlimit.io.results import FIGURE, RATES_NAMED, RESULT, TOLERANCE
 from cvxlimit.io.scenes import LOAD
 from cvxlimit.model.statics import DOF
 from cvxlimit.solution import Status
@@ -86,6 +86,8 @@ def _domain(status: str, loads: dict[str, Any], units: Any, **given: Any) -> Loa
             vector = getattr(support, name)
             if vector is not None:
                 _check_vector(vector, len(loads), f"{name} of {where}")
+        if support.solution is not None and not support.solution.history:
+            raise InputError(f"history of the solution in {where} must not be empty")
         if np.isnan(support.offset):
             raise InputError(f"offset of {where} must be a number, got 'nan'")
     return LoadDomain(status=Status(status), loads=loads, units=units, **given)
@@ -110,7 +112,7 @@ DOMAIN: Document[LoadDomain] = Document(
             "units": Key(VECTOR, "{key}"),
             "supports": Key(listed(SUPPORT), "{key}"),
             "status": Key(choice(Status), "{key}"),
-            "tolerance": Key(FIGURE, "{key}"),
+            "tolerance": Key(TOLERANCE, "{key}"),
             "is_convex": Key(FLAG, "{key}", is_needed=True),
             "solves": Key(WHOLE, "{key}"),
             "seconds": Key(FIGURE, "{key}"),

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from cvxlimit.errors import InputError
-from cvxlimit.methods.checks import RESIDUAL, SLACK, Check
+from cvxlimit.io.scenes import scene_digest
+from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
+from cvxlimit.methods.derived import derived_checks, words_of_method
 from cvxlimit.methods.proving import solution_checks
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import combined
-from cvxlimit.solution import Status
+from cvxlimit.solution import LOAD_FACTOR, Solution, Status
 from cvxlimit.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.studies.domains.images import Raw
-from cvxlimit.studies.domains.search import Search, Study
+from cvxlimit.studies.domains.search import METHODS, Search, Study, status_of
 from cvxlimit.studies.domains.supports import Support
-from cvxlimit.surfaces.coulomb import surfaces_named
+from cvxlimit.surfaces.coulomb import surfaces_named, words_of
 
 
 class DomainAgain:
@@ -46,6 +50,9 @@ class DomainAgain:
 
     def checks(self) -> Iterator[Check]:
         domain, units = self.domain, self.structure.units
+        if domain.method not in METHODS:
+            yield Check(f"method {domain.method!r}", False, f"none of {', '.join(METHODS)}")
+            return
         if not np.allclose(units, domain.units, rtol=SLACK, atol=0.0):
             yield Check("units of load factors", False, f"of this scene they are {units.tolist()}")
             return
@@ -53,12 +60,23 @@ class DomainAgain:
             yield Check("convexity", False, f"method {domain.method!r} says otherwise")
         found = self._supports() if domain.method == "convex" else self._solutions()
         yield from _counted(list(found))
-        if domain.status is Status.CERTIFIED and domain.is_convex:
-            is_met = domain.gap <= domain.tolerance
-            yield Check(f"gap of {domain.gap_said}", is_met, "by points and half-spaces" if is_met
-                        else f"certified means {domain.tolerance:g} at most")  # fmt: skip
-        if domain.status is Status.DEAD_LOAD_UNSTABLE:
-            yield Check("nothing is carried", domain.is_empty, "by a mechanism")
+        if domain.is_convex and not domain.is_empty:
+            yield Check(f"gap of {domain.gap_said}", True, "by points and half-spaces")
+        status, claim = status_of(domain), f"status {str(domain.status)!r}"
+        told = f"{domain.tolerance:g} asked for"
+        if domain.status is Status.INTERRUPTED and not status.is_good:
+            yield unseen(claim, told)
+        else:
+            is_met = domain.status is status
+            yield follows(claim, is_met, told if is_met else f"{told}: it is {str(status)!r}")
+        seen = {"surface", "method", "loads", "units", "supports", "status", "tolerance"}
+        seen |= {"is_convex", "scene_digest", "scene_name"}
+        if domain.scene_name != self.scene.name:
+            yield unseen("scene", f"of that name, {domain.scene_name!r}")
+        yield from unseen_fields(domain, seen)
+        if not domain.scene_digest:
+            yield unseen("scene_digest", "the file has none")
+        yield unseen("direction, is_mirrored")
 
     def _supports(self) -> Iterator[Check]:
         structure, supports = self.structure, self.domain.supports
@@ -135,16 +153,50 @@ class DomainAgain:
         left, size = np.abs(taken + load).max(), np.abs(load).max()
         rests_on_forces = s.point is not None or s.ray is not None
         if rests_on_forces and not left <= RESIDUAL * max(size, np.abs(structure.dead).max()):
-            yield Check(f"forces {i}", False, f"they miss equilibrium by {left / size:.1e}")
+            off = left / max(size, 1e-300)
+            yield Check(f"forces {i}", False, f"they miss equilibrium by {off:.1e}")
         held, found = s.solution, again.solution
-        if held is None or found is None:
+        if held is None or found is None or s.loaded is None:
             return
+        if not rests_on_forces:
+            yield unseen("load_factor", "of answers that carry nothing")
+        at = self.scene.with_live(combined(list(self.domain.loads.values()), s.loaded))
+        for check in (*self._asked(held, at), *self._beside(held, found, raw)):
+            claim = check.claim if check.is_met else f"{check.claim} of {i}"
+            yield replace(check, claim=claim, found="" if check.is_met else check.found)
         for end in ("lower", "upper"):
             first, second = getattr(held, end), getattr(found, end)
             if end == "lower" and again.point is None:  # that of the dead load alone, see above
                 continue
             if first != second and not _is_near(np.array([first]), np.array([second])):
                 yield Check(f"{end} bound of {i}", False, f"{second:.7g} is shown")
+
+    def _beside(self, held: Solution, found: Solution, raw: Raw) -> Iterator[Check]:
+        """What a solution says beside its numbers."""
+        if held.bracket.least != found.bracket.least:
+            yield Check(f"least size {held.bracket.least:.7g} of the bracket", False)
+        if (held.load_factor is None) != (found.load_factor is None):
+            yield Check("load factor", False, f"{found.load_factor} is shown")
+        structure, scene = self.structure, found.scene
+        live = structure.run.assemblage.under(structure.dead, scene.live_forces.ravel())
+        run = structure.run.auxiliary_run(live)
+        run.given = scene
+        mechanism = None if held.mechanism is None else raw.mechanism
+        answer = Answer(found.load_factor, forces=held.forces, mechanism=mechanism)
+        if structure.certifier.strength.is_internal:
+            answer = replace(answer, internal=held.internal)
+        yield from derived_checks(held, run, answer)
+
+    def _asked(self, held: Solution, scene: Scene) -> Iterator[Check]:
+        """That a solution is of the question that the domain is of."""
+        domain = self.domain
+        asked: dict[str, Any] = words_of(domain.surface) | words_of_method(domain.method)
+        asked |= {"quantity": LOAD_FACTOR, "blocks": len(scene.free)}
+        if held.scene_digest:
+            asked |= {"scene_digest": scene_digest(scene)}
+        for name, value in asked.items():
+            if (own := getattr(held, name)) != value:
+                yield Check(f"{name} {own!r}", False, f"the domain has {value!r}")
 
     def _without_forces(self, i: int, s: Support) -> Iterator[Check]:
         """Loads whose sum is none; the dead load alone, if a state that carries it is known."""
@@ -173,13 +225,16 @@ class DomainAgain:
             if solution is None or s.loaded is None:
                 yield Check(f"point {i}", False, "there is no solution that shows it")
                 continue
-            key = id(solution)
+            key, at = id(solution), self.scene.with_live(combined(loads, s.loaded))
             if key not in seen:
-                at = self.scene.with_live(combined(loads, s.loaded))
                 surface = None if self.own["surface"] is None else self.surface
                 own = {**self.own, "surface": surface}
                 seen[key] = solution_checks(solution, at, **own)
-            yield from (Check(f"{c.claim} of {i}", c.is_met, c.found) for c in seen[key])
+            for check in seen[key]:
+                is_counted = check.kind == "proved" or not check.is_met
+                claim = f"{check.claim} of {i}" if is_counted else check.claim
+                yield replace(check, claim=claim, found=check.found if is_counted else "")
+            yield from (replace(c, claim=f"{c.claim} of {i}") for c in self._asked(solution, at))
             made = list(self.search._of_solution(s.direction / domain.units, solution))
             if np.isfinite(s.offset):
                 yield from (
@@ -200,7 +255,7 @@ def _counted(checks: Sequence[Check]) -> Iterator[Check]:
     """Those that are met as numbers of a kind, the others one by one."""
     kinds = dict[str, int]()
     for check in checks:
-        if check.is_met:
+        if check.is_met and check.kind == "proved":
             kind = check.claim.rsplit(" ", 1)[0].split(" ")[0]
             kinds[kind] = kinds.get(kind, 0) + 1
         else:

@@ -46,7 +46,7 @@ PUSHES = {"a_x": Load(acceleration=(1, 0, 0)), "a_y": Load(acceleration=(0, 1, 0
 _SECONDS = 1.0
 """Answers wait this long at most before they are written: a file of many takes as long as one."""
 
-_METHODS = ("convex", "exact", "certified", "zero-dilatancy")
+METHODS = ("convex", "exact", "certified", "zero-dilatancy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class Search:
                 raise
             status = Status.INTERRUPTED
         self.written = -np.inf
-        self._keep(status or _status(self.domain))
+        self._keep(status or status_of(self.domain))
         return self.domain
 
     def _ask(self, questions: Sequence[FloatArray], executor: Any) -> None:
@@ -359,7 +359,7 @@ def load_domain(
     """
     check_scene(scene)
     ratio(tolerance, "tolerance")
-    check_choice("method", method, _METHODS)
+    check_choice("method", method, METHODS)
     check_choice("model", model, MODELS)
     count(most_solves, 1, "most_solves")
     count(directions, 4, "directions")
@@ -412,7 +412,7 @@ def _about(study: Study) -> str:
     return row_identity(asked, scene, surface, {})
 
 
-def _status(domain: LoadDomain) -> Status:
+def status_of(domain: LoadDomain) -> Status:
     """Returns the status of a finished domain."""
     if domain.is_empty:
         return Status.DEAD_LOAD_UNSTABLE

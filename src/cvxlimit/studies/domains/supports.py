@@ -383,13 +383,14 @@ class Structure:
         """The load factors (natural) that it is about, and the same as a solution under these."""
         size = float(np.abs(raw.factors).max())
         about = raw.factors / size if size > FLAT else raw.direction / np.abs(raw.direction).max()
-        push, run = float(made.normal @ about), self.run.auxiliary_run()
+        push = float(made.normal @ about)
+        run = self.run.auxiliary_run(self.run.assemblage.under(self.dead, self.forces @ about))
         run.given = self.run.given.with_live(combined(self.loads, self.units * about))
-        run.history = [raw.iterate]
+        run.history, asked = [raw.iterate], Convex(self.tolerance)
         internal = raw.given if self.certifier.strength.is_internal else None
         if made.ray is not None:
             run.best = Answer(None, Bracket(), raw.forces, None, internal=internal)
-            return about, packed(Convex(), run, Status.LIVE_LOAD_HARMLESS)
+            return about, packed(asked, run, Status.LIVE_LOAD_HARMLESS)
         lower = -np.inf if made.point is None else float(made.point @ about) / float(about @ about)
         upper = made.offset / push if push > 1e-9 else np.inf
         proofs = made.point_is_proved, made.half_space_is_proved
@@ -400,7 +401,7 @@ class Structure:
         factor = size if size > FLAT else 0.0
         run.best = Answer(factor, bracket, raw.forces, mechanism, internal=internal)
         good = bracket.is_within(self.tolerance)
-        return about, packed(Convex(), run, Status.CERTIFIED if good else Status.NOT_CERTIFIED)
+        return about, packed(asked, run, Status.CERTIFIED if good else Status.NOT_CERTIFIED)
 
     @cached_property
     def mirrors(self) -> list[LoadMirror]:
