@@ -730,8 +730,8 @@ def test_import_names_all_that_is_missing_and_speaks_of_options(run: Run, tmp_pa
         outcome = run(*asked, more)
         assert_refused(outcome, option)
         assert "joint_tolerance" not in outcome[2]
-    table.write_text(table.read_text().replace("1.0000001", "1.5").replace("b,0,0,1", "b,0,0,0.9"))
-    assert_refused(run(*asked), "or raise --joint-tolerance if")
+    table.write_text(table.read_text().replace("1.0000001", "1.5").replace("b,0,0,1", "b,0,0,0.95"))
+    assert_refused(run(*asked), "or raise --joint-tolerance to 0.05")
     table.write_text("id,xmin,ymin,zmin,xmax,ymax,zmax\ng,0,0,0,1,1,1\nb,0,0,1,1,1,2\n")
     bare = run("import", str(table))[2]
     for name in ("output", "length-unit", "up", "friction", "live", "supports", "density"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from cvxlimit.cli.main import run
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io import export, import_geometry, read_result, read_scene, write_scene
+from remeshing import remeshed_block, with_a_vertex_more
 
 HALF = 0.5
 ANGLE = np.radians(30.0)
@@ -359,3 +361,33 @@ def test_a_slate_off_its_bed_falls_and_the_note_says_what_would_hold_it() -> Non
     assert "give a joint_tolerance" in solution.note
     joined_up = replace(scene, joint_tolerance=1.01 * gap)
     assert solve(joined_up).load_factor == pytest.approx(0.7, rel=1e-6)  # it slides
+
+
+def courses(count: int, rise: float) -> list[Block]:
+    """Three crescent courses of one shape on a support that fits them."""
+    line = stations(arc((HALF**2 + rise**2) / (2 * rise), HALF), HALF, count, is_arc=True)
+    feet, up = np.array([(-HALF, -1.0), (HALF, -1.0)]), np.array([0.0, 0.4])
+    outlines = [np.vstack([line + k * up, (line + (k + 1) * up)[::-1]]) for k in range(3)]
+    return [
+        prism("low", np.vstack([feet, line[::-1]]), 0.5, None),
+        *(prism(f"c{k}", outline, 0.5, 20.0) for k, outline in enumerate(outlines)),
+    ]
+
+
+@pytest.mark.parametrize("which", [(1,), (2,), (1, 2, 3)])
+@pytest.mark.parametrize("rise", [0.003, 0.03])
+def test_blocks_of_one_shape_in_unlike_meshes(which: tuple[int, ...], rise: float) -> None:
+    """A vertex more in a face that is no joint, all faces of the joints with the same numbers; and
+    every face cut otherwise: the contacts and the load factor of the plain blocks."""
+    blocks, rng = courses(8, rise), np.random.default_rng(5)
+    live = Load(acceleration=(1, 0.2, 0))
+    plain = Scene(blocks, ["low"], live, friction=0.3)
+    expected = solve(plain).load_factor
+    for change in (
+        lambda b: with_a_vertex_more(b, len(b.faces) - 1),
+        partial(remeshed_block, rng=rng),
+    ):
+        other = [change(b) if i in which else b for i, b in enumerate(blocks)]
+        scene = Scene(other, ["low"], live, friction=0.3)
+        assert len(scene.contacts) == len(plain.contacts)
+        assert solve(scene).load_factor == pytest.approx(expected, rel=1e-6)

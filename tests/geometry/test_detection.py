@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -12,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from cvxlimit.errors import InputError
+from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.blocks import BOX_FACES, Block
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.detection import detect
@@ -27,6 +29,7 @@ from exhaustive import mostly_slow
 from placements import detect_contacts, penetration
 
 GROUND = Block.box("ground", (-2, -2, -1), (2, 2, 0))
+PLAIN = Block.box("ground", (-60, -60, -1), (60, 60, 0))
 
 
 def brick(id: str = "brick", low: Sequence[float] = (0, 0, 0), size: object = (1, 1, 1)) -> Block:
@@ -362,7 +365,7 @@ class TestRefusals:
         blocks = [block.moved(random_rotation(3)) for block in scene.blocks]
         whole = detect(blocks, scene.supports, 0.5)
         monkeypatch.setattr("cvxlimit.geometry.nearby._PORTION", 5)
-        monkeypatch.setattr("cvxlimit.geometry.facing._NUMBERS", 300)
+        monkeypatch.setattr("cvxlimit.geometry.facing.NUMBERS", 300)
         parts = detect(blocks, scene.supports, 0.5)
         assert parts.contacts.names == whole.contacts.names
         for name in ("a", "b", "origin", "axes", "corner_start", "corner_xy", "sides", "friction"):
@@ -375,6 +378,68 @@ class TestRefusals:
         sunk = [brick(f"b{i}", (-0.004, 0, i)) for i in range(3)]
         with pytest.raises(InputError, match=r"'wall' and 'b0' interpenetrate by about 0\.004"):
             detect_contacts([wall, *sunk], ["wall"])
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_all_overlaps_are_counted_and_the_largest_is_named(self, seed: int) -> None:
+        """Bricks of several sizes on a row of posts, sunk by chance, some by less than is allowed
+        and some of them long and thick, which are allowed more: what the sentence says to raise
+        the tolerance to takes them all."""
+        rng = np.random.default_rng(seed)
+        blocks, depths = [PLAIN], {}
+        for i in range(12):
+            size, sunk = (
+                float(rng.choice([0.5, 2.0])),
+                float(rng.choice([0.0, rng.uniform(0, 0.04)])),
+            )
+            blocks.append(brick(f"p{i}", (4.0 * i, 0, 0), (size, size, 1.0)))
+            blocks.append(brick(f"t{i}", (4.0 * i, 0, 1.0 - sunk), (size, size, 1.0)))
+            if sunk > min(block.joint_tolerance for block in blocks[-2:]):
+                depths[f"p{i}", f"t{i}"] = sunk
+        with pytest.raises(GeometryError) as refused:
+            detect_contacts(blocks, ["ground"])
+        deepest = max(depths, key=lambda pair: depths[pair])
+        assert refused.value.blocks == deepest
+        said = str(refused.value)
+        assert f"interpenetrate by about {depths[deepest]:.3g} near" in said
+        assert f", the most of {len(depths)} pairs: move" in said
+        enough = float(re.search(r"raise joint_tolerance to (\S+), which takes all", said)[1])
+        assert depths[deepest] <= enough <= 1.01 * depths[deepest]
+        assert len(detect_contacts(blocks, ["ground"], joint_tolerance=enough)) == 24
+
+    def test_the_tolerance_that_takes_small_overlaps_keeps_the_joints_of_large_blocks(self) -> None:
+        """What large blocks allow by default is more than what small ones need."""
+        large = [brick("a", (0, 0, 0), (20, 20, 20)), brick("b", (0, 0, 20.06), (20, 20, 20))]
+        small = [brick("c", (30, 0, 0)), brick("d", (30, 0, 0.98))]
+        with pytest.raises(GeometryError, match=r"by about 0\.02 near") as refused:
+            detect_contacts([PLAIN, *large, *small], ["ground"])
+        enough = float(re.search(r"joint_tolerance to (\S+) if", str(refused.value))[1])
+        found = detect_contacts([PLAIN, *large, *small], ["ground"], joint_tolerance=enough)
+        assert [c.name for c in found] == ["ground-a", "ground-c", "a-b", "c-d"]
+
+    def test_no_tolerance_is_named_for_what_no_tolerance_should_take(self) -> None:
+        with pytest.raises(GeometryError) as refused:
+            detect_contacts([GROUND, brick(), brick("other", (0, 0, 0.4))], ["ground"])
+        assert "joint_tolerance" not in str(refused.value)
+
+    def test_a_file_read_twice(self) -> None:
+        blocks = [brick(f"b{i}", (2.0 * i, 0, 0)) for i in range(5)]
+        again = [replace(block, id=f"{block.id}#2") for block in blocks]
+        with pytest.raises(GeometryError, match=r"'b0' and 'b0#2' are the same.*; 5 pairs are$"):
+            detect_contacts([PLAIN, *blocks, *again], ["ground"])
+
+    @pytest.mark.parametrize("tolerance", [0.34, 3.0, 5000.0])
+    def test_an_absurd_tolerance_is_held_against_the_blocks(self, tolerance: float) -> None:
+        """A cube's mean thickness is a third of its side; supports may be as thin as they like."""
+        sheet = Block.box("sheet", (-2, -2, -0.01), (4, 4, 0))
+        said = rf"joint_tolerance {tolerance:.4g} is no less than .* 'brick', 0\.333, .*is 0\.00333"
+        with pytest.raises(GeometryError, match=said):
+            detect_contacts([sheet, brick()], ["sheet"], joint_tolerance=tolerance)
+        assert len(detect_contacts([sheet, brick()], ["sheet"], joint_tolerance=0.3)) == 1
+
+    def test_a_joint_too_narrow_for_the_tolerance_asks_for_a_smaller_one(self) -> None:
+        edge = brick("edge", (1 - 0.02, 0, 1))
+        with pytest.raises(GeometryError, match="give a smaller joint_tolerance"):
+            detect_contacts([brick(), edge], ["brick"], joint_tolerance=0.03)
 
     def test_edges_that_pass_each_other_do_not_interpenetrate(self) -> None:
         ridge = Block.hull("a", [[0, -1, 0], [0, 1, 0], [-1, 0, -1], [1, 0, -1]])
@@ -428,9 +493,13 @@ class TestAllPairs:
         assert set(meeting) <= near
         refusal = "touches no other block"
         if meeting:
-            refusal = "'b{}' and 'b{}' interpenetrate by about".format(*meeting[0])
-        with pytest.raises(InputError, match=refusal):
+            refusal = "'b[0-9]+' and 'b[0-9]+' interpenetrate by about"
+        with pytest.raises(GeometryError, match=refusal) as refused:
             detect_contacts(blocks)
+        if meeting:
+            assert tuple(int(name[1:]) for name in refused.value.blocks) in meeting
+            told = re.search(r"most of (\d+) pairs", str(refused.value))
+            assert int(told[1] if told else 1) == len(meeting)
 
     @pytest.mark.exhaustive_cases("thick-arch")
     @pytest.mark.parametrize(

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from cells import CUBE, cells
 from cvxlimit import solve
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.blocks import BOX_FACES, Block
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io import import_geometry, read_bodies
 
@@ -131,6 +133,98 @@ class TestDrawings:
         with pytest.raises(InputError, match=message):
             read_bodies(drawing(tmp_path / "a.dxf", draw))
 
+    def test_what_a_drawing_does_not_show_is_left_out_and_told(self, tmp_path: Path) -> None:
+        """A tower on a slab; on it stands what would not leave it as it is: on layers that are off
+        or frozen, hidden by itself, and in blocks inserted there. In a block layer 0 is that on
+        which it is inserted; a layer that is off does not hide what is on others in the block."""
+
+        def draw(space: Any) -> None:
+            layers = space.doc.layers
+            layers.add("Off").off()
+            layers.add("frozen").freeze()
+            layers.add("shown")
+            on_it = {"thickness": 1.0, "elevation": 1.5}
+
+            def stone(where: Any, **given: Any) -> None:
+                where.add_lwpolyline(SQUARE, close=True, dxfattribs={**on_it, **given})
+
+            wide = [(-1, -1), (2, -1), (2, 2), (-1, 2)]
+            space.add_lwpolyline(wide, close=True, dxfattribs={"thickness": -1, "layer": "slab"})
+            stone(space, layer="off")
+            stone(space, layer="frozen")
+            stone(space, layer="shown", invisible=1)
+            space.add_text("a note", dxfattribs={"layer": "off"})
+            inside = space.doc.blocks.new("stone")
+            stone(inside, elevation=0.0, thickness=2.0, layer="tower")
+            stone(inside, layer="0")
+            space.add_blockref("stone", (0, 0), dxfattribs={"layer": "off"})
+            space.add_blockref("stone", (0, 0), dxfattribs={"layer": "frozen"})
+
+        path = drawing(tmp_path / "a.dxf", draw)
+        found = import_geometry(path, density=20, supports=["slab"], **ASKED)
+        assert [block.id for block in found.scene.blocks] == ["slab", "tower"]
+        said = (
+            "left out: 5 objects that the drawing does not show (layers 'frozen', 'off', 'shown')"
+        )
+        assert said in found.notes
+        assert solve(found.scene).load_factor == pytest.approx(0.5, rel=1e-6)
+
+    def test_a_drawing_that_shows_nothing(self, tmp_path: Path) -> None:
+        def draw(space: Any) -> None:
+            space.doc.layers.add("old").freeze()
+            space.add_lwpolyline(SQUARE, close=True, dxfattribs={"thickness": 1, "layer": "old"})
+
+        with pytest.raises(
+            InputError, match=r"but 1 object that .* not show \(layers 'old'\): draw"
+        ):
+            read_bodies(drawing(tmp_path / "a.dxf", draw))
+
+    @pytest.mark.parametrize(
+        ("number", "unit"), [(0, ""), (1, "in"), (4, "mm"), (6, ""), (3, "miles")]
+    )
+    def test_a_unit_that_differs_is_told(self, tmp_path: Path, number: int, unit: str) -> None:
+        def draw(space: Any) -> None:
+            space.doc.header["$INSUNITS"] = number
+            for low in (-1, 0):
+                plate = {"elevation": low, "thickness": 1, "layer": f"b{low}"}
+                space.add_lwpolyline(SQUARE, close=True, dxfattribs=plate)
+
+        path = drawing(tmp_path / "a.dxf", draw)
+        notes = import_geometry(path, density=20, supports="lowest", **ASKED).notes
+        said = f"the unit of 2 blocks is {unit} in the file, and m is what was asked for"
+        assert any(said in note for note in notes) == bool(unit)
+        if unit == "in":
+            asked = {**ASKED, "length_unit": "in", "to_unit": "m"}
+            other = import_geometry(path, density=20, supports="lowest", **asked)
+            assert not any("asked for" in note for note in other.notes)
+
+    def test_an_arch_with_bulged_edges(self, tmp_path: Path) -> None:
+        """Nine voussoirs between radii of 0.8 and 1 m: a linear program in the plane, written for
+        this arch, of the polygons whose arcs of 20 degrees are four chords."""
+        bulge, angles = np.tan(np.radians(20.0) / 4.0), np.radians(20.0 * np.arange(10))
+        spokes = np.column_stack([np.cos(angles), np.sin(angles)])
+
+        def draw(space: Any) -> None:
+            attributes = {"thickness": 0.5}
+            ground = [(-1.5, -0.5), (1.5, -0.5), (1.5, 0), (-1.5, 0)]
+            space.add_lwpolyline(ground, close=True, dxfattribs={**attributes, "layer": "ground"})
+            for a, b in pairwise(spokes):
+                corners = [(*0.8 * a, 0), (*a, bulge), (*b, 0), (*0.8 * b, -bulge)]
+                space.add_lwpolyline(corners, "xyb", close=True, dxfattribs=attributes)
+
+        path = drawing(tmp_path / "a.dxf", draw)
+        asked = {**ASKED, "up": "y"}
+        scene = import_geometry(path, density=20, supports=["ground"], **asked).scene
+        assert len(scene.contacts) == 10
+        fine = np.radians(np.arange(0.0, 181.0, 5.0))
+        ring = np.column_stack([np.cos(fine), np.sin(fine)])
+        stones = [
+            np.concatenate([ring[4 * k : 4 * k + 5], 0.8 * ring[4 * k : 4 * k + 5][::-1]])
+            for k in range(9)
+        ]
+        expected = ring_load_factor(stones, spokes, 0.7)
+        assert solve(scene).load_factor == pytest.approx(expected, rel=1e-6)
+
     def test_blocks_of_blocks_of_blocks(self, tmp_path: Path) -> None:
         """10^12 lines in a file of a few kB."""
 
@@ -162,6 +256,37 @@ class TestDrawings:
         path.write_bytes(data[: len(data) - 1000 * (seed % 2)])
         with suppress(InputError):
             read_bodies(path)
+
+
+def ring_load_factor(stones: list[np.ndarray], spokes: np.ndarray, friction: float) -> float:
+    """Largest push along x over the weight that a ring of stones (k, 2) carries, which meet on the
+    spokes (n + 1, 2) between radii of 0.8 and 1: two normal forces and one shear a joint."""
+    count = len(stones)
+    matrix, dead, live = np.zeros((3 * count, 3 * count + 4)), [], []
+    for k, corners in enumerate(stones):
+        ahead = np.roll(corners, -1, axis=0)
+        twice = corners[:, 0] * ahead[:, 1] - corners[:, 1] * ahead[:, 0]
+        area = 0.5 * twice.sum()
+        centroid = twice @ (corners + ahead) / (6.0 * area)
+        dead += [0.0, -area, 0.0]
+        live += [area, 0.0, 0.0]
+        for j, sign in ((k, 1.0), (k + 1, -1.0)):
+            normal = np.array([-spokes[j][1], spokes[j][0]])
+            forces = ((0.8 * spokes[j], normal), (spokes[j], normal), (spokes[j], spokes[j]))
+            for column, (point, force) in enumerate(forces, 3 * j):
+                arm = point - centroid
+                moment = arm[0] * force[1] - arm[1] * force[0]
+                matrix[3 * k : 3 * k + 3, column] = sign * np.array([*force, moment])
+    matrix[:, -1] = live
+    rows = np.zeros((2 * count + 2, matrix.shape[1]))
+    for j in range(count + 1):
+        rows[2 * j : 2 * j + 2, 3 * j : 3 * j + 2] = -friction
+        rows[2 * j : 2 * j + 2, 3 * j + 2] = 1.0, -1.0
+    bounds = [*([(0, None), (0, None), (None, None)] * (count + 1)), (None, None)]
+    objective = np.append(np.zeros(matrix.shape[1] - 1), -1.0)
+    found = linprog(objective, rows, np.zeros(len(rows)), matrix, -np.array(dead), bounds)
+    assert found.status == 0, found.message
+    return float(-found.fun)
 
 
 OFF = """OFF  # a cube
@@ -275,3 +400,32 @@ def test_lowest_of_blocks_that_are_all_lowest_asks_for_the_axis(tmp_path: Path) 
         import_geometry(file, **ASKED, density=20, supports="lowest")
     stands = import_geometry(file, **ASKED | {"up": "y"}, density=20, supports="lowest").scene
     assert len(stands.free) == 1
+
+
+@pytest.mark.parametrize("shape", ["flat", "list of lists", "deeper", "with an empty list"])
+def test_lists_of_compas_meshes(tmp_path: Path, shape: str) -> None:
+    """A slab, and a tower of two blocks of 1 x 1 m, 2 m high in all."""
+    boxes = [((-1, -1, -1), (2, 2, 0)), ((0, 0, 0), (1, 1, 1.2)), ((0, 0, 1.2), (1, 1, 2))]
+    meshes = []
+    for low, high in boxes:
+        corners = Block.box("b", low, high).vertices.tolist()
+        vertices = {str(i): dict(zip("xyz", p, strict=True)) for i, p in enumerate(corners)}
+        faces = {str(i): list(face) for i, face in enumerate(BOX_FACES)}
+        data = {"vertex": vertices, "face": faces}
+        meshes.append({"dtype": "compas.datastructures/Mesh", "data": data})
+    a, b, c = meshes
+    nested: Any = {
+        "flat": [a, b, c],
+        "list of lists": [[a], [b, c]],
+        "deeper": [[[a], [[b]]], c],
+        "with an empty list": [a, [], [b, c]],
+    }[shape]
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(nested))
+    scene = import_geometry(path, density=20, supports="lowest", **ASKED).scene
+    assert solve(scene).load_factor == pytest.approx(0.5, rel=1e-6)
+    for _ in range(20):
+        nested = [nested]
+    path.write_text(json.dumps(nested))
+    with pytest.raises(InputError, match="lists of blocks are nested too deeply; flatten them"):
+        read_bodies(path)

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cvxlimit import solve
 from cvxlimit.errors import CvxlimitError, InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.masonry import builtin_scene
+from cvxlimit.masonry import builtin_scene, stack
 from cvxlimit.scene import GRAVITY, Load, PointForce, Scene, Units
 
 GROUND = Block.box("ground", (-2, -2, -1), (2, 2, 0))
@@ -322,3 +323,41 @@ def test_what_a_scene_has_shows_itself_in_notebooks_as_a_table() -> None:
     loaded = Load(points=[PointForce("<b>", (0, 0, 1), (1, 0, 0))], weights={"<i>": (0, 0, -1)})
     assert "<b>" not in loaded._repr_html_()
     assert "&lt;i&gt;" in loaded._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("times", "unit", "meant"),
+    [
+        (1000.0, "m", "mm"),
+        (100.0, "m", "cm"),
+        (1.0, "m", ""),
+        (1000.0, "mm", ""),
+        (1e6, "mm", "mm"),
+    ],
+)
+def test_lengths_of_hills_ask_for_the_unit(times: float, unit: str, meant: str) -> None:
+    """Bricks of 0.5 m in a wall of 3 m, in a unit that is not theirs; (1e6, "mm") is a file in
+    micrometres, for which no unit is named that would do."""
+    built = stack(6, size=(0.3, 0.2, 0.5))
+    read = Scene(
+        [block.scaled(times) for block in built.blocks],
+        built.supports, Load(acceleration=(1, 0, 0)), units=Units(unit, "kN"),
+    )  # fmt: skip
+    assert len(read.told) == bool(meant)
+    if meant:
+        cure = f"? In {meant} the largest block would have 0." if meant != unit else "?"
+        assert f"are coordinates in {unit}{cure}" in read.told[0]
+        assert read.told[0] in solve(read).note
+
+
+def test_friction_in_degrees_is_remarked_wherever_it_stands() -> None:
+    built = stack(2)
+    for rough in (
+        built.with_friction(31.0),
+        built.with_friction(0.6, {("b1", "b2"): 31.0}),
+    ):
+        said = "friction 31 is 88.2 degrees: in degrees? tan 31 = 0.60"
+        assert said in rough.told
+        assert said in solve(rough).note
+    assert built.with_friction(200.0).told == ("friction 200 is 89.7 degrees",)
+    assert built.with_friction(1.5).told == ()

@@ -33,7 +33,9 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.cli.main import run
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.masonry import arch, dam, retaining_wall
+from cvxlimit.masonry.builtin import BUILTIN, builtin_scene
 from helpers import assert_certified
+from planar import planar_load_factor
 
 BASE = Block.box("base", (-3, -1, -1), (5, 4, 0))
 PUSH = Load(acceleration=(1, 0, 0))
@@ -285,6 +287,157 @@ def test_a_wheel_is_shared_by_the_stones_under_it() -> None:
     assert 2 <= len(points) <= 4
     what = total(bridge, Load(points=points))
     np.testing.assert_allclose(what[:5], [0, 0, -50, -50 * 0.15, 50 * 0.17], atol=1e-9)
+
+
+# --- faces that other blocks cover in part -------------------------------------------------------
+
+UP = (0.0, 0.0, 1.0)
+LOOKS = np.cos(np.radians(80.0))
+"""As fill and water are documented to see: faces within 80 degrees."""
+
+
+def triangles(block: Block) -> FloatArray:
+    """Faces (t, 3, 3) fanned from their first corners, as those of built-in scenes may be."""
+    return np.array(
+        [block.vertices[[f[0], *f[k : k + 2]]] for f in block.faces for k in range(1, len(f) - 1)]
+    )
+
+
+def on_bare_faces(scene: Scene, towards: FloatArray, level: float) -> FloatArray:
+    """Integral (3,) of the depth over the bare faces that look along ``towards``, by another way:
+    over whole faces, less that over the contacts. Both are plane, so that the depth of their
+    centroid is their mean; the level is above them."""
+    result = np.zeros(3)
+    for i in scene.free:
+        corners = triangles(scene.blocks[i])
+        areas = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        looks = areas @ towards > LOOKS * np.linalg.norm(areas, axis=1)
+        result += (level - corners.mean(axis=1)[looks, 2]) @ areas[looks]
+    for a, b, contact in zip(scene.contacts.a, scene.contacts.b, scene.contacts, strict=True):
+        for i, normal in ((a, contact.normal), (b, -contact.normal)):
+            if i in scene.free and normal @ towards > LOOKS:
+                result -= (level - contact.origin[2]) * contact.area * normal
+    return result
+
+
+def columns_of_fill(scene: Scene, level: float) -> float:
+    """The volume between a level and what it is above, by vertical rays through the middles of
+    cells between all corners: exact where edges run along x and y in plan."""
+    places, half = [], []
+    for axis in (0, 1):
+        lines = np.unique(np.concatenate([b.vertices[:, axis] for b in scene.blocks]).round(9))
+        lines = np.unique(np.concatenate([lines, np.linspace(lines[0], lines[-1], 60)]))
+        places.append(0.5 * (lines[1:] + lines[:-1]))
+        half.append(np.diff(lines))
+    x, y = np.meshgrid(*places, indexing="ij")
+    highest, is_loaded = np.full(x.shape, -np.inf), np.zeros(x.shape, bool)
+    for i, block in enumerate(scene.blocks):
+        for a, b, c in triangles(block):
+            whole, (ab, ac) = np.cross(b - a, c - a), (b - a, c - a)
+            if whole[2] <= 1e-9 * np.linalg.norm(whole):
+                continue
+            s = ((x - a[0]) * ac[1] - (y - a[1]) * ac[0]) / whole[2]
+            t = ((y - a[1]) * ab[0] - (x - a[0]) * ab[1]) / whole[2]
+            z = np.where((s >= 0) & (t >= 0) & (s + t <= 1), a[2] + s * ab[2] + t * ac[2], -np.inf)
+            seen = bool(i in scene.free and whole[2] > LOOKS * np.linalg.norm(whole))
+            is_loaded = np.where(z > highest, seen, is_loaded)
+            highest = np.maximum(highest, z)
+    return float((np.where(is_loaded, level - highest, 0.0) * np.outer(*half))[is_loaded].sum())
+
+
+@pytest.mark.parametrize("name", BUILTIN)
+def test_fill_on_every_built_in_scene(name: str) -> None:
+    """0.5 m above the top: each column once, and on all bare faces where blocks are named. The
+    dome's edges in plan run through the cells, 1 in 60 of its width: half a percent."""
+    built = builtin_scene(name)
+    level = max(b.vertices[:, 2].max() for b in built.blocks) + 0.5
+    once = total(built, Load(points=fill(built, level, 20.0)))[2]
+    near = 5e-3 if name == "dome" else 1e-8
+    assert -once == pytest.approx(20.0 * columns_of_fill(built, level), rel=near)
+    named = fill(built, level, 20.0, blocks=[built.blocks[i].id for i in built.free])
+    expected = 20.0 * on_bare_faces(built, np.array(UP), level)[2]
+    assert -total(built, Load(points=named))[2] == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize("name", BUILTIN)
+def test_water_on_every_built_in_scene(name: str) -> None:
+    built = builtin_scene(name)
+    level = max(b.vertices[:, 2].max() for b in built.blocks) + 0.5
+    for towards in np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), UP], dtype=float):
+        expected = -9.81 * on_bare_faces(built, towards, level)
+        try:
+            water = Load(pressures=hydrostatic(built, level, 9.81, towards))
+        except InputError:
+            np.testing.assert_allclose(expected, 0.0, atol=1e-9)
+            continue
+        size = np.abs(expected).max()
+        np.testing.assert_allclose(total(built, water)[:3], expected, atol=1e-6 * size)
+
+
+def test_a_face_half_covered_keeps_the_other_half() -> None:
+    """10 kN/m3 up to 3 m on the bare half of a block 0.5 m high, whose other half bears a post; in
+    water the same half is pressed."""
+    block = Block.box("block", (0, 0, 0), (1, 1, 0.5), 20.0)
+    half = scene(block, Block.box("post", (0.5, 0, 0.5), (1, 1, 3.0), 20.0))
+    (load,) = fill(half, 3.0, 10.0)
+    np.testing.assert_allclose([*load.at, *load.force], [0.25, 0.5, 0.5, 0, 0, -12.5], atol=1e-6)
+    water = Load(pressures=hydrostatic(half, 3.0, 10.0, UP))
+    assert total(half, water)[2] == pytest.approx(-12.5)
+    stands = Load(points=wheel(half, (0.25, 0.5, 0), (0.5, 1.0), 7.0))
+    assert total(half, stands)[2] == pytest.approx(-7.0)
+
+
+def test_a_face_around_a_post() -> None:
+    """What is left has a hole."""
+    block = Block.box("block", (0, 0, 0), (2, 2, 0.5), 20.0)
+    around = scene(block, Block.box("post", (0.5, 0.5, 0.5), (1, 1, 3.0), 20.0))
+    assert -total(around, Load(points=fill(around, 3.0, 10.0)))[2] == pytest.approx(93.75)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_column_of_fill_rests_on_the_highest_stone(turned: bool) -> None:
+    """A floor of 4 x 1 m between two piers, a lintel over its middle 2.2 m: 20 kN/m3 up to 2 m
+    rest on the lintel's top at 1.5 m and on what of piers and floor it leaves open; so does a
+    wheel. The floor under the lintel has fill where it is named."""
+    floor = Block.box("floor", (0, 0, 0), (4, 1, 0.2), 22.0)
+    piers = [Block.box(f"p{x}", (x, 0, 0.2), (x + 0.4, 1, 1.2), 22.0) for x in (1.0, 2.6)]
+    lintel = Block.box("lintel", (0.9, 0, 1.2), (3.1, 1, 1.5), 22.0)
+    built = scene(floor, *piers, lintel)
+    turn = Rotation.from_euler("z", 25, degrees=True).as_matrix() if turned else np.eye(3)
+    built = built.moved(turn)
+    points = fill(built, 2.0, 20.0)
+    on = {
+        name: sum(-p.force[2] for p in points if p.block == name)
+        for name in [b.id for b in built.blocks]
+    }
+    expected = {"lintel": 20 * 0.5 * 2.2, "floor": 20 * 1.8 * 1.8, "p1.0": 0, "p2.6": 0, "base": 0}
+    assert on == pytest.approx(expected)
+    below = fill(built, 2.0, 20.0, blocks=["floor"])
+    assert -sum(p.force[2] for p in below) == pytest.approx(20 * 1.8 * (4 - 0.8))
+    (stands,) = wheel(built, turn @ (2.0, 0.5, 0), (0.5, 0.5), 30.0, along=turn[:, 0])
+    assert stands.block == "lintel"
+    (stands,) = wheel(built, turn @ (2.0, 0.5, 0), (0.5, 0.5), 30.0, turn[:, 0], ["floor"])
+    assert stands.block == "floor"
+
+
+def test_faces_under_a_support_are_not_filled() -> None:
+    under = Block.box("under", (0, 0, 0), (1, 1, 1), 20.0)
+    pier, shelf = (
+        Block.box("pier", (2, 0, 0), (3, 1, 1.5)),
+        Block.box("shelf", (0, 0, 1.5), (3, 1, 2)),
+    )
+    hidden = Scene((BASE, under, pier, shelf), ("base", "pier", "shelf"), PUSH)
+    with pytest.raises(InputError, match="all 1 faces that look up lie under other blocks: name"):
+        fill(hidden, 3.0, 20.0)
+    assert fill(hidden, 1.5, 20.0, blocks="under")[0].force[2] == pytest.approx(-10.0)
+
+
+def test_an_arch_on_piers_under_its_fill() -> None:
+    """With the fill's weight on all that is bare; the plane program is not ours."""
+    built = builtin_scene("arch-on-piers")
+    level = max(b.vertices[:, 2].max() for b in built.blocks) + 0.5
+    filled = built.with_dead(Load(gravity=(0, 0, -1), points=fill(built, level, 20.0)))
+    assert factor(filled).load_factor == pytest.approx(planar_load_factor(filled), rel=1e-6)
 
 
 # --- inertia ------------------------------------------------------------------------------------

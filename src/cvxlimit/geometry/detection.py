@@ -13,12 +13,19 @@ from cvxlimit.base.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.facets import SAME_WAY, Facets, planes
-from cvxlimit.geometry.facing import FacetTable, Reach, facet_table, facing_pairs, patches
+from cvxlimit.geometry.facets import SAME_WAY, planes
+from cvxlimit.geometry.facing import (
+    FacetTable,
+    Reach,
+    Shapes,
+    facet_table,
+    facing_pairs,
+    patches,
+)
 from cvxlimit.geometry.joints import Joints
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
 from cvxlimit.geometry.nearby import nearby_pairs
-from cvxlimit.geometry.nearmisses import NearMiss
+from cvxlimit.geometry.nearmisses import NearMiss, cure_of_all, rounded_up
 from cvxlimit.geometry.penetration import Overlaps
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 
@@ -86,18 +93,19 @@ class CurvedJoints:
         which = np.unique(self.table.block[patches])
         blocks = [self.blocks[i] for i in which.tolist()]
         patch_of: list[IntArray] = []  # per block: the row of each face's patch, or -1
-        shapes: dict[Facets, list[int]] = defaultdict(list)
+        shapes: Shapes = defaultdict(list)
         for i, block in enumerate(blocks):
             patch_of.append(np.full(len(block.faces), -1))
             for k in patches[self.table.block[patches] == which[i]].tolist():
                 patch_of[i][list(self.table.faces[k])] = k
             facets = planes(block.vertices, block.faces, np.flatnonzero(patch_of[i] >= 0))
-            shapes[facets].append(i)
+            shapes[block.faces, facets].append(i)
         table = facet_table(blocks, shapes)
         patch = [patch_of[i][group[0]] for i, group in zip(table.block, table.faces, strict=True)]
         table = replace(table, sheet=self.table.sheet[patch], patch=self.table.patch[patch])
         tolerance = self.reach.tolerance[which]
-        reach = Reach(self.reach.size[which], tolerance, 3.0 * tolerance)  # both may be warped
+        size, thickness = self.reach.size[which], self.reach.thickness[which]
+        reach = Reach(size, thickness, tolerance, 3.0 * tolerance)  # both may be warped
         pairs = np.unique(np.stack([joints.a, joints.b], axis=1), axis=0)
         first, second = np.searchsorted(which, pairs[np.isin(pairs, which).all(axis=1)]).T
         faces = Joints.of(table, *facing_pairs(table, first, second, reach), reach)
@@ -184,23 +192,24 @@ def detect(
     Raises
     ------
     GeometryError
-        If a block touches no other and is none of those ``tied`` to another, or if two blocks share
-        volume.
+        If a block touches no other and is none of those ``tied`` to another, if blocks share
+        volume, or if ``joint_tolerance`` is more than a free block is thick.
     """
     if joint_tolerance is not None:
         joint_tolerance = positive(joint_tolerance, "joint_tolerance")
     is_fixed = np.array([b.id in fixed for b in blocks])
-    table, reach = patches(blocks, joint_tolerance)
+    reach = Reach.of(blocks, joint_tolerance)
+    limit = _limit(blocks, reach, is_fixed)
+    table = patches(blocks, reach)
     curved = CurvedJoints(blocks, table, reach)
-    overlaps = Overlaps(blocks, reach.tolerance)
+    overlaps = Overlaps(blocks, reach, limit)
     parts: list[Contacts] = []
     misses: list[NearMiss] = []
-    # Blocks in each other are refused in the portion of pairs where they are met first, so that
-    # neither memory nor time grows with the number of such pairs.
     for near in nearby_pairs([b.vertices for b in blocks], reach.near):
         joints = curved.by_face(Joints.of(table, *facing_pairs(table, *near, reach), reach))
         parts.append(joints.contacts(blocks, friction))
         misses += [*joints.near_misses(blocks), *overlaps.check(*near, parts[-1])]
+    overlaps.refuse()
     if not parts:
         none = np.empty(0, dtype=np.int64)
         parts = [Joints.of(table, none, none, reach).contacts(blocks, friction)]
@@ -215,6 +224,24 @@ def detect(
         contacts.take(np.flatnonzero(~both)) if both.any() else contacts,
         tuple(miss for miss in misses if not (miss.a in ids and miss.b in ids)),
     )
+
+
+def _limit(blocks: Sequence[Block], reach: Reach, is_fixed: BoolArray) -> float:
+    """The mean thickness (length) of the thinnest free block, infinite without any: a joint
+    tolerance beyond it would join other blocks through it, and is refused."""
+    thickness = np.where(is_fixed, np.inf, reach.thickness)
+    thinnest = int(thickness.argmin())
+    limit, tolerance = float(thickness[thinnest]), float(reach.tolerance[thinnest])
+    if tolerance >= limit:
+        block = blocks[thinnest]
+        raise GeometryError(
+            f"joint_tolerance {tolerance:.4g} is no less than the mean thickness of block "
+            f"{block.id!r}, {limit:.3g}, so that others would be joined through it: give the width "
+            f"of the widest gap; unless given, it is {block.joint_tolerance:.3g} there",
+            points=block.vertices,
+            blocks=(block.id,),
+        )
+    return limit
 
 
 def _check_every_block_is_held(
@@ -232,10 +259,15 @@ def _check_every_block_is_held(
     own_misses = [miss for miss in misses if named.id in (miss.a, miss.b)]
     nearest = min(own_misses, key=lambda miss: miss.factor, default=None)
     hint = f" ({nearest.sentence()})" if nearest else ""
-    cure = ", give a larger joint_tolerance" if nearest and nearest.can_be_joined else ""
+    cure, (enough, count) = "", cure_of_all(misses)
+    if nearest and nearest.kind == "sliver":
+        cure = "give a smaller joint_tolerance, "
+    elif nearest and nearest.can_be_joined:
+        cure = f"give a joint_tolerance of {rounded_up(enough)}, "
+        cure += f"which joins all {count} that are nearly there, " if count > 1 else ""
     raise GeometryError(
         f"block {named.id!r} (centre {named.centroid.round(6).tolist()}) touches no other "
-        f"block{hint}: move it so that a face meets another block's face{cure}, tie it to one, or "
+        f"block{hint}: {cure}move it so that a face meets another block's face, tie it to one, or "
         "remove it",
         points=named.vertices,
         blocks=(named.id,),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import reduce
 
@@ -21,19 +21,32 @@ from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 NEAR = 30.0
 """Joints that miss the joint tolerance by less than this factor are near misses."""
 
-_THROUGH = 0.3
-"""A gap wider than this share of a block's mean thickness is no near miss: with a tolerance that
-is coarse for thin blocks, the next block but one would be."""
+THROUGH = 0.3
+"""A gap wider, and an overlap deeper, than this share of a block's mean thickness is no inexact
+joint: with a tolerance that is coarse for thin blocks, the next block but one would be a near
+miss."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Lengths of each block, (n,) each: its ``size`` (diagonal of its box), its joint ``tolerance``
-    and ``near``, the distance up to which another block is a near miss."""
+    """Lengths of each block, (n,) each: its ``size`` (diagonal of its box), its mean ``thickness``,
+    its joint ``tolerance`` and ``near``, the distance up to which another block is a near miss."""
 
     size: FloatArray
+    thickness: FloatArray
     tolerance: FloatArray
     near: FloatArray
+
+    @classmethod
+    def of(cls, blocks: Sequence[Block], joint_tolerance: float | None) -> Reach:
+        """With one tolerance for all (length), or, for None, the default share of each block's
+        thickness."""
+        size, thickness = _extents(blocks)
+        tolerance = JOINT_TOLERANCE * thickness
+        if joint_tolerance is not None:
+            tolerance = np.full(len(blocks), joint_tolerance)
+        near = np.maximum(np.minimum(NEAR * tolerance, THROUGH * thickness), tolerance)
+        return cls(size, thickness, tolerance, near)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,22 +89,20 @@ class FacetTable:
         return FacetTable(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
-def patches(blocks: Sequence[Block], joint_tolerance: float | None) -> tuple[FacetTable, Reach]:
-    """The facets of all blocks, grouped within the joint tolerance (length; None: the default share
-    of each block's thickness), and the tolerances and distances that go with them."""
-    size, thickness = _extents(blocks)
-    tolerance = JOINT_TOLERANCE * thickness
-    if joint_tolerance is not None:
-        tolerance = np.full(len(blocks), joint_tolerance)
-    near = np.maximum(np.minimum(NEAR * tolerance, _THROUGH * thickness), tolerance)
-    return facet_table(blocks, _shapes(blocks, tolerance)), Reach(size, tolerance, near)
+def patches(blocks: Sequence[Block], reach: Reach) -> FacetTable:
+    """The facets of all blocks, grouped within their joint tolerances."""
+    return facet_table(blocks, _shapes(blocks, reach.tolerance))
 
 
-def facet_table(blocks: Sequence[Block], shapes: Mapping[Facets, list[int]]) -> FacetTable:
-    """The facets of all blocks in one table. ``shapes`` says which blocks (their numbers) have
-    which facets; each block is listed once."""
-    width = max(len(piece) for shape in shapes for piece in shape.pieces)
-    parts = [_part(blocks, shape, np.array(which), width) for shape, which in shapes.items()]
+Shapes = dict[tuple[Faces, Facets], list[int]]
+"""The numbers of the blocks that list the same faces and have the same facets. Facets alone do not
+tell blocks alike: they number faces, which may be cut otherwise or have further vertices."""
+
+
+def facet_table(blocks: Sequence[Block], shapes: Shapes) -> FacetTable:
+    """The facets of all blocks in one table, as ``shapes`` has them; each block is listed once."""
+    width = max(len(piece) for _, shape in shapes for piece in shape.pieces)
+    parts = [_part(blocks, shape, np.array(which), width) for (_, shape), which in shapes.items()]
     columns = ([getattr(p, f.name) for p in parts] for f in fields(FacetTable))
     joined = FacetTable(*map(np.concatenate, columns))
     table = joined.take(np.argsort(joined.block, kind="stable"))
@@ -120,29 +131,29 @@ def _extents(blocks: Sequence[Block]) -> tuple[FloatArray, FloatArray]:
     return size, thickness
 
 
-def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> dict[Facets, list[int]]:
-    """Facets, with the numbers of the blocks that have them.
+def _shapes(blocks: Sequence[Block], tolerance: FloatArray) -> Shapes:
+    """The shapes of all blocks.
 
     Blocks with the same faces mostly have the same facets. So the facets of one block are tried on
     all others at once, beginning with "each face is a facet"; where they do not fit, the next block
     is grouped on its own and tried on the rest.
     """
-    result: dict[Facets, list[int]] = defaultdict(list)
+    result: Shapes = defaultdict(list)
     for faces, which in _same_faces(blocks).items():
         shape, remaining = Facets.of_faces(faces), np.array(which)
         if all(blocks[i].bounds is not None for i in which):
-            result[shape] += which
+            result[faces, shape] += which
             continue
         is_tried = len(faces) <= _FEW and all(blocks[i].is_convex for i in which)
         while len(remaining):
             if is_tried:
                 fits = _fits(_points(blocks, remaining), shape, faces, tolerance[remaining])
-                result[shape] += remaining[fits].tolist()
+                result[faces, shape] += remaining[fits].tolist()
                 remaining = remaining[~fits]
             if len(remaining):
                 first, remaining = int(remaining[0]), remaining[1:]
                 shape = blocks[first].facets(float(tolerance[first]))
-                result[shape].append(first)
+                result[faces, shape].append(first)
                 is_tried = len(shape.faces) <= _FEW
     return {shape: which for shape, which in result.items() if which}
 
@@ -253,7 +264,7 @@ def facing_pairs(
     block_low, block_high = np.minimum.reduceat(low, start), np.maximum.reduceat(high, start)
     # Every piece of the first block whose box meets that of the second, with every piece of the
     # second; in portions, so that memory does not grow with the number of pairs.
-    most = _NUMBERS // table.corners[0].size
+    most = NUMBERS // table.corners[0].size
     found = [np.empty((2, 0), dtype=np.int64)]
     for some in portions(pieces[first], most):
         pair, lower = members_of(start, len(table.block), first[some])
@@ -267,7 +278,7 @@ def facing_pairs(
     return lower, upper
 
 
-_NUMBERS = 2**21
+NUMBERS = 2**21
 """Numbers in an array of rows of corners: 16 MB, of which some six are alive at a time."""
 
 

@@ -37,7 +37,8 @@ class Lumped:
     >>> print(Lumped(8, 2, 0.02, 0.5, "low-up", 0.02, 0.5))
     8 faces at 2 joints are taken as planes that they are not in, turned by up to 1.15 degrees, \
 where the friction angle is 28.6 degrees or more (at most 4 % of it, at low-up): this could move \
-the load factor, which is certified for the scene as detected
+the load factor by as large a share, under oblique loads by several times that; it is certified \
+for the scene as detected
     """
 
     faces: int
@@ -75,7 +76,8 @@ the load factor, which is certified for the scene as detected
         if not self.is_worth_a_word:
             return text
         return (
-            f"{text}: this could move the load factor, which is certified for the scene as detected"
+            f"{text}: this could move the load factor by as large a share, under oblique loads by "
+            "several times that; it is certified for the scene as detected"
         )
 
 

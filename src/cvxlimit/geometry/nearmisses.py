@@ -57,7 +57,7 @@ class NearMiss:
     def sentence(self, unit: str = "") -> str:
         cure = "; no joint tolerance joins faces that are so steep to each other"
         if self.cure < math.inf:
-            cure = f"; a joint tolerance of {_rounded_up(self.cure)} joins them"
+            cure = f"; a joint tolerance of {rounded_up(self.cure)} joins them"
         unit = f" {unit}" if unit else ""
         ends = [gap if abs(gap) > 1e-9 * self.size else 0.0 for gap in self.gaps]  # rounding
         nearest, farthest = (
@@ -75,20 +75,34 @@ class NearMiss:
         return f"{self.a}-{self.b}: {words}"
 
 
-def _rounded_up(length: float) -> str:
+def rounded_up(length: float) -> str:
     """Three digits, of which the last is rounded up."""
     step = 10.0 ** (math.floor(math.log10(length)) - 2)
     return f"{math.ceil(length / step) * step:.3g}"
 
 
 def near_miss_sentence(near_misses: Sequence[NearMiss], unit: str = "") -> str:
-    """How many there are, and the worst: the nearest to a joint. Empty without any."""
+    """How many there are, the worst, which is the nearest to a joint, and the joint tolerance that
+    joins all that any can. Empty without any."""
     if not near_misses:
         return ""
     worst = min(near_misses, key=lambda miss: (miss.kind == "sliver", miss.factor))
+    enough, count = cure_of_all(near_misses)
     if len(near_misses) == 1:
-        return f"1 joint is nearly there but is none; {worst.sentence(unit)}"
-    return (
-        f"{len(near_misses)} joints are nearly there but are none; the nearest is "
-        f"{worst.sentence(unit)}"
-    )
+        said, all_of_them = f"1 joint is nearly there but is none; {worst.sentence(unit)}", "it"
+    else:
+        said = (
+            f"{len(near_misses)} joints are nearly there but are none; the nearest is "
+            f"{worst.sentence(unit)}"
+        )
+        all_of_them = "all" if count == len(near_misses) else f"{count} of them"
+    if not count or (worst.kind == "angle" and len(near_misses) == 1):  # which names its own
+        return said
+    return f"{said}; a joint tolerance of {rounded_up(enough)} joins {all_of_them}"
+
+
+def cure_of_all(near_misses: Sequence[NearMiss]) -> tuple[float, int]:
+    """The joint tolerance (length) that joins all near misses that any can join, and how many these
+    are; 0 without any."""
+    cures = [miss.cure for miss in near_misses if miss.kind != "sliver" and miss.cure < math.inf]
+    return max(cures, default=0.0), len(cures)

@@ -87,8 +87,8 @@ def _pure(region: shapely.Geometry) -> shapely.Geometry:
 
 
 def without_holes(shape: shapely.Geometry) -> Iterator[shapely.Polygon]:
-    """Polygons that tile a shape, cut through the middles of holes."""
-    for part in shapely.get_parts(shape):
+    """Polygons that tile a shape, counter-clockwise, cut through the middles of holes."""
+    for part in shapely.get_parts(shapely.orient_polygons(shape)):
         if not isinstance(part, shapely.Polygon) or not part.interiors:
             if isinstance(part, shapely.Polygon):
                 yield part

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 
 import manifold3d
@@ -14,7 +14,8 @@ from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.nearmisses import NearMiss
+from cvxlimit.geometry.facing import NUMBERS, THROUGH, Reach
+from cvxlimit.geometry.nearmisses import NearMiss, rounded_up
 from cvxlimit.geometry.shells import unpinched
 
 
@@ -34,28 +35,37 @@ class Body:
         return cls(points[corners], origin, manifold3d.Manifold(shell))
 
 
-def shared_depth(one: Body, other: Body) -> tuple[float, FloatArray, FloatArray]:
-    """Returns how deep two bodies are in each other, and the centroid (3,) and corners (k, 3) of
-    the deepest part that they share.
+@dataclass(frozen=True, eq=False)
+class Common:
+    """What two bodies share: how deep (length) they are in each other, the centroid (3,) and
+    corners (k, 3) of the deepest part, and the ``volume`` of all parts."""
 
-    The depth is the larger of two measures. The volume over the widest view is right where a flat
-    layer is shared; the largest distance of the part's corners from either surface is right where a
-    corner is pushed into a face. Both are zero for parts without thickness, which Boolean
-    operations leave where bodies merely touch.
-    """
-    depth, where, deepest = 0.0, one.origin, np.empty((0, 3))
-    for part in (one.manifold ^ other.manifold).decompose():
-        if part.is_empty() or not part.volume() > 0.0:
-            continue
-        shell = part.to_mesh64()
-        corners = np.asarray(shell.vert_properties)[:, :3] + one.origin
-        triangles = np.asarray(shell.tri_verts, dtype=np.int64)
-        deep = max(_farthest(corners, x.triangles) for x in (one, other))
-        deep = max(deep, float(part.volume()) / _widest_view(corners[triangles]))
-        if deep > depth:
-            _, where = mesh.volume_and_centroid(corners, triangles.tolist())
-            depth, deepest = deep, corners
-    return depth, where, deepest
+    depth: float
+    where: FloatArray
+    corners: FloatArray
+    volume: float
+
+    @classmethod
+    def of(cls, one: Body, other: Body) -> Common:
+        """The depth is the larger of two measures. The volume over the widest view is right where a
+        flat layer is shared; the largest distance of the part's corners from either surface is
+        right where a corner is pushed into a face. Both are zero for parts without thickness, which
+        Boolean operations leave where bodies merely touch.
+        """
+        depth, where, deepest, volume = 0.0, one.origin, np.empty((0, 3)), 0.0
+        for part in (one.manifold ^ other.manifold).decompose():
+            if part.is_empty() or not part.volume() > 0.0:
+                continue
+            shell = part.to_mesh64()
+            corners = np.asarray(shell.vert_properties)[:, :3] + one.origin
+            triangles = np.asarray(shell.tri_verts, dtype=np.int64)
+            volume += float(part.volume())
+            deep = max(_farthest(corners, x.triangles) for x in (one, other))
+            deep = max(deep, float(part.volume()) / _widest_view(corners[triangles]))
+            if deep > depth:
+                _, where = mesh.volume_and_centroid(corners, triangles.tolist())
+                depth, deepest = deep, corners
+        return cls(depth, where, deepest, volume)
 
 
 def _widest_view(triangles: FloatArray) -> float:
@@ -77,50 +87,121 @@ def _farthest(points: FloatArray, triangles: FloatArray) -> float:
         near = (low <= points.max(axis=0) + reach) & (high >= points.min(axis=0) - reach)
         some = triangles[near.all(axis=1)]
         if len(some):
-            farthest = max(float(_distances(at, some).min()) for at in points)
+            parts = np.array_split(points, 1 + 3 * points.size * len(some) // NUMBERS)
+            farthest = max(float(_distances(part, some).min(axis=1).max()) for part in parts)
         if farthest <= reach:
             break
     return farthest
 
 
-def _distances(point: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Distance (t,) of a point from each triangle: from its plane if the point's foot lies within
-    the triangle, else from its nearest side."""
+def _distances(points: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Distances (k, t) of points from triangles: from its plane if a point's foot lies within the
+    triangle, else from its nearest side."""
     along = np.roll(triangles, -1, axis=1) - triangles
-    offset = point - triangles
-    share = np.einsum("tsk,tsk->ts", offset, along) / np.einsum("tsk,tsk->ts", along, along)
-    nearest = triangles + np.clip(share, 0.0, 1.0)[:, :, None] * along
-    aside = np.linalg.norm(point - nearest, axis=2).min(axis=1)
-    normal = mesh.unit(np.cross(along[:, 0], along[:, 1]))
-    inside = (np.einsum("tsk,tk->ts", np.cross(along, offset), normal) >= 0.0).all(axis=1)
-    height = np.abs(np.einsum("tk,tk->t", offset[:, 0], normal))
-    return np.where(inside, height, aside)
+    offset = points[:, None, None] - triangles
+    share = np.einsum("ptsk,tsk->pts", offset, along) / np.einsum("tsk,tsk->ts", along, along)
+    nearest = triangles + np.clip(share, 0.0, 1.0)[..., None] * along
+    aside = np.linalg.norm(points[:, None, None] - nearest, axis=3).min(axis=2)
+    normal = mesh.unit(mesh.cross(along[:, 0], along[:, 1]))
+    turns = np.einsum("ptsk,tk->pts", mesh.cross(along[None], offset), normal)
+    height = np.abs(np.einsum("ptk,tk->pt", offset[:, :, 0], normal))
+    return np.where((turns >= 0.0).all(axis=2), height, aside)
+
+
+@dataclass(frozen=True, eq=False)
+class Overlap:
+    """Two blocks that share more volume than the ``allowed`` depth (length); ``needed`` is the
+    joint tolerance that allows it, and ``are_same`` says that they are one body twice."""
+
+    a: Block
+    b: Block
+    allowed: float
+    depth: float
+    needed: float
+    common: Common
+    are_same: bool
+
+    @property
+    def is_deep(self) -> bool:
+        """True if it is no inexact joint."""
+        return self.depth > THROUGH * min(self.a.thickness, self.b.thickness)
+
+    def near_miss(self) -> NearMiss:
+        where, corners = self.common.where, self.common.corners
+        return NearMiss(self.a.id, self.b.id, "overlap", self.depth, self.allowed, where, corners)
 
 
 @dataclass(frozen=True, eq=False)
 class Overlaps:
-    """Refuses blocks that share more volume than their joint ``tolerance`` (n,) allows."""
+    """Refuses blocks that share more volume than their joint tolerance allows: all that are found,
+    in one sentence. ``limit`` is the largest joint tolerance (length) that may be asked for."""
 
     blocks: Sequence[Block]
-    tolerance: FloatArray
+    reach: Reach
+    limit: float
+    found: list[Overlap] = field(default_factory=list)
 
     def check(self, first: IntArray, second: IntArray, contacts: Contacts) -> list[NearMiss]:
-        """Refuse blocks that share volume, among the pairs (``first``, ``second``) that may.
+        """Looks for blocks that share volume, among the pairs (``first``, ``second``) that may.
 
         A contact's plane separates two convex blocks; others are intersected if no face's plane
         separates them. Overlaps that are too shallow to refuse are returned.
         """
         low, high = self._boxes
-        margin = np.minimum(self.tolerance[first], self.tolerance[second])
+        margin = np.minimum(self.reach.tolerance[first], self.reach.tolerance[second])
         shared = np.minimum(high[first], high[second]) - np.maximum(low[first], low[second])
         count = len(self.blocks)
         touching = np.isin(first * count + second, contacts.a * count + contacts.b)
         convex = self._is_convex[first] & self._is_convex[second]
         looked = np.flatnonzero((shared.min(axis=1) > margin) & ~(touching & convex))
-        found = (self._of(int(first[j]), int(second[j]), float(margin[j])) for j in looked.tolist())
-        return [miss for miss in found if miss is not None]
+        misses, deep = list[NearMiss](), sum(overlap.is_deep for overlap in self.found)
+        for j in looked.tolist():
+            overlap = self._of(int(first[j]), int(second[j]), float(margin[j]))
+            if overlap is None:
+                continue
+            if overlap.needed <= overlap.allowed:
+                misses.append(overlap.near_miss())
+                continue
+            self.found.append(overlap)
+            deep += overlap.is_deep
+            if deep >= _MOST_DEEP:
+                self.refuse("at least ")
+        return misses
 
-    def _of(self, i: int, k: int, allowed: float) -> NearMiss | None:
+    def refuse(self, at_least: str = "") -> None:
+        """Raises GeometryError if overlaps were found, which names the deepest."""
+        if not self.found:
+            return
+        twice = [overlap for overlap in self.found if overlap.are_same]
+        worst = twice[0] if twice else max(self.found, key=lambda overlap: overlap.depth)
+        number = f"{at_least}{len(twice or self.found)} pairs"
+        if twice:
+            more = f"; {number} are" if len(twice) > 1 else ""
+            fault = (
+                f"are the same body twice, in the same place (centre "
+                f"{mesh.place(worst.a.centroid)}): remove one of them{more}"
+            )
+        else:
+            more, which = f", the most of {number}" if len(self.found) > 1 else "", "one of them"
+            which = "them" if more else which
+            # as wide as is usual for the thickest two blocks, lest joints between these be lost
+            enough = max(overlap.needed for overlap in self.found)
+            enough = max(enough, float(np.sort(self.reach.tolerance)[-2]))
+            cure = f"move or cut {which}"
+            if enough < self.limit and not any(overlap.is_deep for overlap in self.found):
+                cure += f", or raise joint_tolerance to {rounded_up(enough)}"
+                cure += ", which takes all," if more else ""
+                cure += " if the model is no more exact"
+            fault = (
+                f"interpenetrate by about {worst.depth:.3g} near {mesh.place(worst.common.where)}, "
+                f"beyond their joint tolerance of {worst.allowed:.3g}{more}: {cure}"
+            )
+        ids = worst.a.id, worst.b.id
+        raise GeometryError(
+            f"blocks {ids[0]!r} and {ids[1]!r} {fault}", points=worst.common.corners, blocks=ids
+        )
+
+    def _of(self, i: int, k: int, allowed: float) -> Overlap | None:
         """None if blocks i and k overlap by no more than ``allowed`` (length)."""
         # A plane of a face may separate them: the least overlap of their extents along normals.
         a, b = self.blocks[i], self.blocks[k]
@@ -128,35 +209,18 @@ class Overlaps:
         overlaps = (a.vertices @ directions.T).max(0) - (b.vertices @ directions.T).min(0)
         if overlaps.min() <= allowed:
             return None
-        depth, where, corners = shared_depth(self._body(i), self._body(k))
-        convex = a.is_convex and b.is_convex
-        if convex:  # an edge that runs across a face has no corner in it, and half its thickness
+        common = Common.of(self._body(i), self._body(k))
+        depth, is_convex = common.depth, a.is_convex and b.is_convex
+        if is_convex:  # an edge that runs across a face has no corner in it, and half its thickness
             depth = max(depth, min(float(overlaps.min()), _overlap_across_edges(a, b)))
-        if depth > (1.0 if convex else _REFUSED) * allowed:
-            fault = (
-                f"interpenetrate by about {depth:.3g} near {mesh.place(where)}, beyond their joint "
-                f"tolerance of {allowed:.3g}: move or cut one of them, or raise joint_tolerance if "
-                "the model is no more exact"
-            )
-            if self._are_same(i, k):
-                fault = (
-                    f"are the same body twice, in the same place (centre {mesh.place(a.centroid)}):"
-                    " remove one of them"
-                )
-            raise GeometryError(
-                f"blocks {a.id!r} and {b.id!r} {fault}", points=corners, blocks=(a.id, b.id)
-            )
         if depth <= allowed:
             return None
-        return NearMiss(a.id, b.id, "overlap", depth, allowed, where, corners)
-
-    def _are_same(self, i: int, k: int) -> bool:
-        """True if what only one of them holds is a layer of their default joint tolerance, however
-        their vertices are listed and their faces cut."""
-        a, b = self.blocks[i], self.blocks[k]
-        common = float((self._body(i).manifold ^ self._body(k).manifold).volume())
+        # The same body: what only one of them holds is a layer of the default joint tolerance,
+        # however their vertices are listed and their faces cut.
         layer = min(x.joint_tolerance * x.surface for x in (a, b))
-        return a.volume + b.volume - 2.0 * common <= layer
+        are_same = a.volume + b.volume - 2.0 * common.volume <= layer
+        needed = depth if is_convex else depth / _REFUSED
+        return Overlap(a, b, allowed, depth, needed, common, are_same)
 
     @cached_property
     def _boxes(self) -> tuple[FloatArray, FloatArray]:
@@ -186,6 +250,11 @@ class Overlaps:
 _REFUSED = 2.0
 """Overlaps of bodies that are not convex are refused beyond so many tolerances: where two planes
 meet, corners of joints that overlap by one tolerance each lie deeper than either."""
+
+
+_MOST_DEEP = 100
+"""So many overlaps that no inexact joint has are counted: where a program has lost the placements
+of blocks nearly all pairs overlap, and neither time nor memory may grow with their number."""
 
 
 _MOST_EDGES = 150

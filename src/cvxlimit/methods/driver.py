@@ -27,6 +27,7 @@ from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.readings.moments import INDEPENDENT, Moments
 from cvxlimit.scene import Scene, check_scene
+from cvxlimit.scene.doubts import doubts
 from cvxlimit.solution import Iterate, Solution, Status
 from cvxlimit.solution.bracket import Bracket, known, rounded
 from cvxlimit.solution.kinematics import Dilatancy, dilatancy_of
@@ -437,6 +438,7 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
     if status is Status.DEAD_LOAD_UNSTABLE and run.given.near_misses:
         cure = "if such a joint bears, give a joint_tolerance that joins it"
         sentences.append(f"{run.given.near_miss_note}: {cure}")
+    sentences += doubts(run.given)
     lumped = run.given.lumped
     sentences.append(str(lumped) if lumped is not None and lumped.is_worth_a_word else "")
     sentences.append("" if dilatancy is None else str(dilatancy))

@@ -11,7 +11,7 @@ import numpy as np
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import planes
-from cvxlimit.geometry.facing import patches
+from cvxlimit.geometry.facing import Reach
 from cvxlimit.geometry.mesh import area_vectors
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.polygons import members_of
@@ -130,7 +130,7 @@ class Facets:
         )
         self.normal = np.array([loop[3] for loop in loops])
         self.plane = np.add.reduceat(self.tail, self.start[:-1]) / np.diff(self.start)[:, None]
-        self.tolerance = patches(scene.blocks, scene.joint_tolerance)[1].tolerance
+        self.tolerance = Reach.of(scene.blocks, scene.joint_tolerance).tolerance
         self.closed = np.zeros(0, np.int64)
         self.thickness = np.array([block.thickness for block in scene.blocks])
 

@@ -35,7 +35,7 @@ from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.geometry.facing import patches
+from cvxlimit.geometry.facing import Reach, patches
 from cvxlimit.geometry.mesh import volume_and_centroid
 from cvxlimit.model.flow import FlowRule, StrengthRows, corner_openings
 from cvxlimit.model.formulations import corner_compressions, model_of
@@ -140,8 +140,9 @@ class Proof:
     @cached_property
     def followed(self) -> list[Follows]:
         """How the outlines follow the vertices of blocks."""
-        table, _ = patches(self.scene.blocks, self.scene.joint_tolerance)
-        return list(followed(self.shapes, self.scene.blocks, table))
+        blocks = self.scene.blocks
+        table = patches(blocks, Reach.of(blocks, self.scene.joint_tolerance))
+        return list(followed(self.shapes, blocks, table))
 
     def at(self, contacts: Contacts) -> FloatArray:
         """Returns -(A'u) . x - lam . y(x) of every contact (n,), with the properties and the

@@ -22,6 +22,7 @@ from cvxlimit.geometry.detection import Detection, detect
 from cvxlimit.geometry.lumped import Lumped, lumped_at
 from cvxlimit.geometry.nearmisses import NearMiss, near_miss_sentence
 from cvxlimit.geometry.strengths import PROPERTIES, ByPair, SceneJoints
+from cvxlimit.scene.doubts import doubts
 from cvxlimit.scene.loads import GRAVITY, Load
 from cvxlimit.scene.settling import SupportMotion, check_motions
 from cvxlimit.scene.ties import Tie, check_ties, with_ties
@@ -162,10 +163,9 @@ class Scene(RemadeFromFields, SceneJoints):
 
     @property
     def told(self) -> tuple[str, ...]:
-        """What detection leaves out or simplifies, and stones of no quarry, a sentence each."""
+        """What detection leaves out or simplifies, and numbers in doubt, a sentence each."""
         lumped = "" if self.lumped is None else str(self.lumped)
-        vast = self.units.doubt(max(self.blocks[i].size for i in self.free))
-        return tuple(said for said in (self.near_miss_note, lumped, vast) if said)
+        return (*(said for said in (self.near_miss_note, lumped) if said), *doubts(self))
 
     @cached_property
     def _detection(self) -> Detection:

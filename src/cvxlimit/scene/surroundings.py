@@ -3,41 +3,30 @@ wheels on top of it; found on the faces that they reach, whatever their number."
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import finite_vector, meant, not_negative, positive
+from cvxlimit.base.checks import finite_vector, not_negative, positive
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.mesh import cut_off, fan, plane_axes, polygon_vectors, unit
-from cvxlimit.geometry.overlays import without_holes
+from cvxlimit.geometry.mesh import cut_off, fan, unit
+from cvxlimit.scene.bare_faces import (
+    SAME_FACE,
+    Face,
+    chosen,
+    looking,
+    seen_from_above,
+    upwards,
+    written,
+)
 from cvxlimit.scene.loads import PointForce
 from cvxlimit.scene.pressures import FACING, Pressure, pressed
-from cvxlimit.scene.scene import Scene, check_scene
-
-LOOKS = np.cos(np.radians(80.0))
-"""A face looks somewhere if its normal is within 80 degrees of it: any batter of a wall or dam is,
-and tops and beds of roughly dressed stones, some degrees out of square, are not."""
-
-SAME_FACE = 0.1
-"""A joint lies on a face if it is no farther from its plane than this share of the block's mean
-thickness: more than faces are warped or joints wide, less than a notch is deep."""
+from cvxlimit.scene.scene import Scene
 
 FLAT = np.cos(np.radians(45.0))
 """Joints less than 45 degrees off level are bed joints, in which water lifts."""
-
-
-@dataclass(frozen=True)
-class _Face:
-    """A part of a block's surface that no other block covers: corners (k, 3), outward normal."""
-
-    block: str
-    normal: FloatArray
-    corners: FloatArray
 
 
 def hydrostatic(
@@ -133,11 +122,11 @@ def earth_pressure(
     """
     gamma = positive(coefficient, "coefficient") * positive(unit_weight, "unit_weight")
     top = float(coefficient) * not_negative(surcharge, "surcharge")
-    up, faces = _reached(scene, direction, blocks)
+    up, faces = upwards(scene), looking(scene, direction, blocks)
     low, high = _below(scene, level, up, faces)
     found = [
         Pressure(
-            face.block,
+            face.block.id,
             face.normal.tolist(),
             top,
             (-gamma * up + 0.0).tolist(),
@@ -150,7 +139,7 @@ def earth_pressure(
     ]
     if not found:
         raise InputError(
-            f"level {level:g} is below all faces that look along {_told(direction)}, which lie "
+            f"level {level:g} is below all faces that look along {written(direction)}, which lie "
             f"between the heights {low:g} and {high:g}: give a level above the lowest"
         )
     return tuple(found)
@@ -198,8 +187,8 @@ def uplift(
     >>> round(float(dam.dead_forces[0, 2] + dam.total_weight), 6)  # 9.81 x 0.5 / 2 x 0.8
     1.962
     """
-    gamma, up = positive(unit_weight, "unit_weight"), _up(scene)
-    towards, only = _horizontal(direction, up), _chosen(scene, blocks)
+    gamma, up = positive(unit_weight, "unit_weight"), upwards(scene)
+    towards, only = _horizontal(direction, up), chosen(scene, blocks)
     if tail is not None and not tail <= level:
         raise InputError(
             f"tail {tail:g} is above level {level:g}: turn the direction, towards the higher water"
@@ -248,13 +237,17 @@ def fill(
 ) -> tuple[PointForce, ...]:
     """Fill on top of an arch or vault: unit weight x depth below its level surface, straight down.
 
-    It rests on the faces that look up (within 80 degrees) and are not covered by other blocks, and
-    is given as one force per face, at its centre of pressure. Passive pressure is left out.
+    It rests on the faces that look up (within 80 degrees), where nothing lies on or over them: a
+    column of fill rests on the highest stone. Each face, or part of one, gets one force, at its
+    centre of pressure. Passive pressure is left out.
 
     Parameters
     ----------
-    scene, level, unit_weight, blocks
+    scene, level, unit_weight
         As for :func:`hydrostatic`.
+    blocks : collection of str, optional
+        The only blocks that it reaches, also where they lie under others, as sills do under
+        lintels; unless given, all free ones from above.
 
     Raises
     ------
@@ -269,12 +262,12 @@ def fill(
     [(0.0, 0.0, -16.0)]
     """
     gamma = positive(unit_weight, "unit_weight")
-    up, faces = _reached(scene, None, blocks)
+    up, faces = upwards(scene), seen_from_above(scene, blocks)
     low, high = _below(scene, level, up, faces)
     found = []
     for face in faces:
         points, areas = pressed(_fan(face), level * up, -up)
-        found += _down(face.block, points, gamma * (level - points @ up) * (areas @ up), up)
+        found += _down(face.block.id, points, gamma * (level - points @ up) * (areas @ up), up)
     if not found:
         raise InputError(
             f"level {level:g} is below all faces that look up, which lie between the heights "
@@ -299,7 +292,7 @@ def wheel(
     Parameters
     ----------
     scene, blocks
-        As for :func:`hydrostatic`.
+        As for :func:`fill`.
     at : (3,)
         Centre of the rectangle; its height does not matter.
     sides : (2,)
@@ -319,7 +312,7 @@ def wheel(
     >>> round(sum(load.force[2] for load in loads), 6)
     -100.0
     """
-    up, faces = _reached(scene, None, blocks)
+    up, faces = upwards(scene), seen_from_above(scene, blocks)
     total = positive(force, "force of a wheel")
     middle, axis = finite_vector(at, 3, "at of a wheel"), _horizontal(along, up)
     length, width = (
@@ -333,11 +326,11 @@ def wheel(
             depth = 0.5 * side - (triangles - middle) @ way
             triangles = cut_off(triangles, depth)
         points, areas = pressed(triangles)
-        found += _down(face.block, points, total / (length * width) * (areas @ up), up)
+        found += _down(face.block.id, points, total / (length * width) * (areas @ up), up)
     carried = -sum(float(np.dot(load.force, up)) for load in found)
     if abs(carried - total) > 1e-6 * total:
         raise InputError(
-            f"a wheel of {length:g} x {width:g} at {_told(middle)} stands on "
+            f"a wheel of {length:g} x {width:g} at {written(middle)} stands on "
             f"{100.0 * carried / total:.4g} % of its area: move it onto faces that look up, or "
             "name the blocks that it reaches"
         )
@@ -351,14 +344,8 @@ def _down(block: str, points: FloatArray, sizes: FloatArray, up: FloatArray) -> 
     return [PointForce(block, (sizes @ points / whole).tolist(), (-whole * up + 0.0).tolist())]
 
 
-def _fan(face: _Face) -> FloatArray:
+def _fan(face: Face) -> FloatArray:
     return fan(face.corners, [range(len(face.corners))])[0]
-
-
-def _up(scene: Scene) -> FloatArray:
-    check_scene(scene)
-    down = scene.dead.gravity
-    return np.array([0.0, 0.0, 1.0]) if down is None else -np.array(down) + 0.0
 
 
 def _horizontal(direction: ArrayLike, up: FloatArray) -> FloatArray:
@@ -369,82 +356,9 @@ def _horizontal(direction: ArrayLike, up: FloatArray) -> FloatArray:
     return unit(level)
 
 
-def _told(vector: ArrayLike) -> str:
-    return str((np.round(np.asarray(vector, dtype=float), 6) + 0.0).tolist())
-
-
 def _below(
-    scene: Scene, level: float, up: FloatArray, faces: Sequence[_Face]
+    scene: Scene, level: float, up: FloatArray, faces: Sequence[Face]
 ) -> tuple[float, float]:
     finite_vector([level], 1, "level")
     heights = np.concatenate([face.corners for face in faces]) @ up
     return float(heights.min()), float(heights.max())
-
-
-def _chosen(scene: Scene, blocks: Collection[str] | None) -> list[str]:
-    free = [scene.blocks[i].id for i in scene.free]
-    if blocks is None:
-        return free
-    for name in [blocks] if isinstance(blocks, str) else blocks:
-        if name not in free:
-            cure = meant(name, free, "name free blocks of the scene")
-            what = "is a support, which cannot move" if name in scene.supports else "is no block"
-            raise InputError(f"{name!r} {what} of scene {scene.name!r}: {cure}")
-    return [blocks] if isinstance(blocks, str) else list(blocks)
-
-
-def _reached(
-    scene: Scene, direction: ArrayLike | None, blocks: Collection[str] | None
-) -> tuple[FloatArray, list[_Face]]:
-    """Up, and the parts of faces that look along a direction (None: up) and are not covered."""
-    up = _up(scene)
-    towards = up if direction is None else finite_vector(direction, 3, "direction")
-    if not np.any(towards):
-        raise InputError("direction must not be zero")
-    towards, only = unit(towards), set(_chosen(scene, blocks))
-    looking, result = 0, list[_Face]()
-    for i in scene.free.tolist():
-        block = scene.blocks[i]
-        if block.id not in only:
-            continue
-        for indices in block.faces:
-            corners = block.vertices[list(indices)]
-            normal = unit(polygon_vectors(corners))
-            if float(normal @ towards) <= LOOKS:
-                continue
-            looking += 1
-            result += [_Face(block.id, normal, part) for part in _bare(scene, i, corners, normal)]
-    if not result:
-        who = "no free block has" if blocks is None else f"none of {sorted(only)} has"
-        covered = (
-            f"all {looking} faces that look along {_told(towards)} are in contact with other "
-            "blocks: water in joints is uplift's, other pressures need faces that are bare"
-        )
-        missing = f"{who} a face that looks along {_told(towards)}: turn the direction"
-        raise InputError(covered if looking else missing)
-    return up, result
-
-
-def _bare(scene: Scene, i: int, corners: FloatArray, normal: FloatArray) -> Iterator[FloatArray]:
-    """Polygons (k, 3) of a face of block i that no contact covers."""
-    contacts, block = scene.contacts, scene.blocks[i]
-    outward = contacts.axes[:, 2] * np.where(contacts.a == i, 1.0, -1.0)[:, None]
-    on = ((contacts.a == i) | (contacts.b == i)) & (outward @ normal >= FACING)
-    on &= np.abs((contacts.origin - corners.mean(axis=0)) @ normal) <= SAME_FACE * block.thickness
-    on[len(contacts) - len(scene.ties) :] = False
-    axes, origin = plane_axes(normal), corners.mean(axis=0)
-    whole = shapely.make_valid(shapely.Polygon((corners - origin) @ axes.T))
-    pieces = [
-        shapely.Polygon((piece - origin) @ axes.T)
-        for j in np.flatnonzero(on).tolist()
-        for piece in contacts.piece_points(j)
-    ]
-    cover = shapely.union_all([piece for piece in pieces if piece.is_valid])
-    if not shapely.intersects(cover, whole):
-        yield corners
-        return
-    slit = scene.joint_tolerance or block.joint_tolerance
-    rest = shapely.difference(whole, cover, grid_size=1e-9 * block.size)
-    for part in without_holes(rest):
-        if part.area > 0.5 * slit * part.length:  # strips narrower than a joint are none
-            yield origin + np.array(part.exterior.coords)[:-1] @ axes

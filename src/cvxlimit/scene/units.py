@@ -12,9 +12,6 @@ METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.30
 KILONEWTONS = {"kN": 1.0, "N": 1e-3, "MN": 1e3}
 """Units of force that can be converted, in kilonewtons."""
 
-_VAST = 100.0
-"""Metres: no stone is as large, nor a facade that is taken as one; bricks in millimetres are."""
-
 
 @dataclass(frozen=True)
 class Units:
@@ -26,14 +23,6 @@ class Units:
     def __post_init__(self) -> None:
         for name in ("length", "force"):
             of_type(getattr(self, name), str, f"unit of {name} must be a text")
-
-    def doubt(self, size: float) -> str:
-        """Asks for the unit of coordinates if the largest block is of such a size that no stone
-        has; empty if one may have it, or the unit cannot be converted."""
-        metres = METRES.get(self.length, 0.0) * size
-        if metres <= _VAST:
-            return ""
-        return f"the largest block is {metres:.3g} m across: are coordinates in {self.length}?"
 
 
 DEFAULT_UNITS = Units()

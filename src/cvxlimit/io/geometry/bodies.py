@@ -22,8 +22,8 @@ from cvxlimit.io.fields import one_line
 class Body:
     """One solid of a geometry file, as given: nothing checked, nothing repaired.
 
-    The name is empty, support mark and density are None where the file has none. A box has two
-    ``vertices``, its opposite corners, and no faces.
+    The name is empty, support mark, density and ``unit`` of length are None where the file has
+    none. A box has two ``vertices``, its opposite corners, and no faces.
     """
 
     name: str
@@ -32,6 +32,7 @@ class Body:
     is_support: bool | None = None
     density: float | None = None
     is_box: bool = False
+    unit: str | None = None
 
 
 @contextmanager

@@ -11,7 +11,7 @@ mesh its vertices and faces. No code of COMPAS runs and no object of it is made.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -25,14 +25,14 @@ from cvxlimit.io.geometry.bodies import Body
 _WRAPPERS = ("data", "value")
 
 _DEEPEST = 12
-"""Wrapping layers, and levels of groups in a block model; real files have three."""
+"""Wrapping layers, lists in lists, and levels of groups in a block model; real files have three."""
 
 
 def bodies_of(model: Any) -> list[Body]:
     """Of a model its elements, placed and cut by COMPAS, under their numbers in its graph; of an
     assembly or meshes what a file of them would hold."""
     if isinstance(model, (list, tuple)):
-        return [replace(body, name=str(i)) for i, x in enumerate(model) for body in bodies_of(x)]
+        return _listed(model, bodies_of)
     if not hasattr(model, "elements"):
         return read_compas(json.loads(model.to_jsonstring()))
     elements = [each for each in model.elements() if type(each).__name__ != "Group"]
@@ -50,23 +50,48 @@ def bodies_of(model: Any) -> list[Body]:
 
 
 def is_object(value: object) -> bool:
-    """Whether ``value`` is an object of COMPAS, or a list of such."""
-    each = value[0] if isinstance(value, (list, tuple)) and value else value
-    return hasattr(each, "to_jsonstring")
+    """Whether ``value`` is an object of COMPAS, or a list of such, or of lists of such."""
+    while isinstance(value, (list, tuple)) and value:
+        value = value[0]
+    return hasattr(value, "to_jsonstring")
 
 
 def is_compas(document: object) -> bool:
-    if isinstance(document, list):  # of meshes
-        return bool(document) and all(map(is_compas, document))
+    leaves = [leaf for _, leaf in _leaves(document)]
+    return bool(leaves) and all(map(_is_one, leaves))
+
+
+def _is_one(document: object) -> bool:
     if not isinstance(document, dict):
         return False
     is_old = document.keys() >= {"assembly", "blocks"} or document.keys() >= {"vertex", "face"}
     return is_old or "compas" in str(document.get("dtype", ""))
 
 
+def _leaves(value: Any, places: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
+    """What is in a list, and in lists in it, with its place: "2.0" is the first of the third."""
+    if not isinstance(value, (list, tuple)):
+        yield ".".join(places), value
+        return
+    if len(places) > _DEEPEST:
+        raise InputError("lists of blocks are nested too deeply; flatten them")
+    for i, each in enumerate(value):
+        yield from _leaves(each, (*places, str(i)))
+
+
+def _listed(value: object, bodies: Callable[[Any], list[Body]]) -> list[Body]:
+    """The bodies in a list, named for their places; those of an assembly in it also for their
+    nodes."""
+    return [
+        replace(body, name=f"{place}.{body.name}" if body.name else place)
+        for place, leaf in _leaves(value)
+        for body in bodies(leaf)
+    ]
+
+
 def read_compas(document: object) -> list[Body]:
     if isinstance(document, list):
-        return [_block(str(i), _content(mesh), None, None) for i, mesh in enumerate(document)]
+        return _listed(document, read_compas)
     content = _content(document)
     if "assembly" in content and "blocks" in content:
         return list(_of_network(content))

@@ -3,7 +3,8 @@
 What encloses a volume becomes blocks: closed polylines with a thickness, each the prism over it;
 polyface meshes, meshes and solids, each as it is; 3D faces and faces without a thickness, all of a
 layer together, whose bodies are told apart afterwards. Lines, texts and dimensions are left alone.
-Blocks of the drawing are taken wherever they are inserted.
+Blocks of the drawing are taken wherever they are inserted. What the drawing does not show, because
+its layer is off or frozen, is not meant: it is left out and told.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from __future__ import annotations
 import io
 import logging
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,17 +42,23 @@ _SKIPPED = {
 """Entities that bound nothing by themselves."""
 
 
-def read_dxf(path: Path) -> list[Body]:
-    """The bodies of a drawing's model space.
+_UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 14: "dm"}
+"""Units of length by their numbers in ``$INSUNITS``; 0 is none."""
+
+
+def read_dxf(path: Path, notes: list[str]) -> list[Body]:
+    """The bodies of a drawing's model space; ``notes`` gets a sentence on what it does not show.
 
     Raises
     ------
     InputError
         If it cannot be read, or holds something that may be a block and is not closed or known.
     """
-    recover, disassemble = (
-        needed(f"ezdxf.{module}", "mesh", ".dxf files") for module in ("recover", "disassemble")
+    recover, disassemble, units = (
+        needed(f"ezdxf.{module}", "mesh", ".dxf files")
+        for module in ("recover", "disassemble", "units")
     )
+    hidden = Counter[str]()
     data = read_bytes(path)
     if not data.rstrip().endswith(b"EOF"):  # ezdxf would read what there is
         raise InputError("the DXF file has no EOF at its end: it is cut off, or it is not text")
@@ -61,10 +69,50 @@ def read_dxf(path: Path) -> list[Body]:
         with read_by_others("DXF", "save it as text again"):
             document, _ = recover.read(io.BytesIO(data))
             _check_size(document)
-            entities = disassemble.recursive_decompose(document.modelspace())
-            return _bodies(entities)
+            entities = _shown(document.modelspace(), _hidden_layers(document), hidden)
+            bodies = _bodies(disassemble.recursive_decompose(entities), hidden)
+            stated = int(document.header.get("$INSUNITS", 0))
+            unit = _UNITS.get(stated, str(units.unit_name(stated)).lower()) if stated else None
     finally:
         log.propagate = was
+    if hidden.total():
+        notes.append(f"left out: {_left_out(hidden)}")
+    return [replace(body, unit=unit) for body in bodies]
+
+
+def _hidden_layers(document: Any) -> dict[str, bool]:
+    """Layers that are off or frozen, in small letters, and whether they are frozen."""
+    layers = [layer for layer in document.layers if layer.is_off() or layer.is_frozen()]
+    return {str(layer.dxf.name).lower(): bool(layer.is_frozen()) for layer in layers}
+
+
+def _shown(
+    entities: Iterable[Any], layers: Mapping[str, bool], hidden: Counter[str], within: str = "0"
+) -> Iterator[Any]:
+    """The entities that a drawing shows, inserted blocks taken apart; ``hidden`` counts the others
+    by layer. In a block layer 0 stands for the layer on which it is inserted, ``within``. A layer
+    that is off hides what is on it, a frozen one also what is in blocks inserted on it."""
+    for entity in entities:
+        own = str(entity.dxf.get("layer", "0"))
+        layer = within if own == "0" else own
+        is_hidden, kind = layer.lower() in layers, entity.dxftype()
+        if entity.dxf.get("invisible", 0) or (is_hidden and kind != "INSERT"):
+            hidden[layer] += kind not in _SKIPPED
+        elif kind != "INSERT":
+            yield entity
+        elif layers.get(layer.lower(), False):
+            hidden[layer] += 1
+        elif entity.mcount > 1:
+            yield from _shown(entity.multi_insert(), layers, hidden, within)
+        else:
+            yield from _shown(entity.virtual_entities(), layers, hidden, layer)
+
+
+def _left_out(hidden: Counter[str]) -> str:
+    """Says what is hidden."""
+    on = ", ".join(shown(layer) for layer, count in sorted(hidden.items()) if count)
+    number = hidden.total()
+    return f"{number} object{'s' * (number > 1)} that the drawing does not show (layers {on})"
 
 
 def _check_size(document: Any) -> None:
@@ -93,7 +141,7 @@ def _check_size(document: Any) -> None:
         )
 
 
-def _bodies(entities: Iterator[Any]) -> list[Body]:
+def _bodies(entities: Iterable[Any], hidden: Counter[str]) -> list[Body]:
     solids: list[tuple[str, Polygons]] = []
     loose: dict[str, list[FloatArray]] = defaultdict(list)
     left_open, outlines = "", Counter[str]()
@@ -128,6 +176,7 @@ def _bodies(entities: Iterator[Any]) -> list[Body]:
             (layer, (points, [x.tolist() for x in np.split(np.arange(len(points)), ends)]))
         )
     if not solids:
+        left_open += f", but {_left_out(hidden)}" if hidden.total() else ""
         raise InputError(
             f"the drawing has nothing that encloses a block{left_open}: draw closed polylines with "
             "a thickness, 3D faces, meshes or solids"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -154,9 +154,10 @@ def import_geometry(
             positive(joint_tolerance, "joint_tolerance")
         notes, own = list[str](), is_object(paths)
         files = [] if own else _files(paths)
-        bodies = _unique(bodies_of(paths) if own else _read(files), notes)
+        bodies = _unique(bodies_of(paths) if own else _read(files, notes), notes)
         _check_coordinates(bodies)
         blurred, is_single_precision = too_few_digits(bodies), is_single(bodies)
+        notes += _other_units(bodies, length_unit)
         bodies, unit = _converted(bodies, length_unit, to_unit)
         bodies = _with_densities(
             bodies,
@@ -209,6 +210,16 @@ def _converted(bodies: list[Body], given: str, asked: str | None) -> tuple[list[
         return bodies, given
     times = _metres(given) / _metres(asked)
     return [replace(body, vertices=times * body.vertices) for body in bodies], asked
+
+
+def _other_units(bodies: Sequence[Body], given: str) -> Iterator[str]:
+    """Yields a sentence for each unit that a file states and that is not the one given."""
+    for unit in sorted({body.unit for body in bodies if body.unit not in (None, given)} - {None}):
+        number = sum(body.unit == unit for body in bodies)
+        yield (
+            f"the unit of {number} block{'s' * (number > 1)} is {unit} in the file, and "
+            f"{given} is what was asked for: check --length-unit"
+        )
 
 
 def _metres(unit: str) -> float:
@@ -270,8 +281,9 @@ def sketch(error: GeometryError) -> Scene | None:
     return scene._copy(blocks=(block,), supports=())
 
 
-def read_bodies(path: str | os.PathLike[str]) -> list[Body]:
-    """All bodies in a geometry file, as given; meshes that hold several are separated.
+def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) -> list[Body]:
+    """All bodies in a geometry file, as given; meshes that hold several are separated. ``notes``
+    gets a sentence on what is left out.
 
     Raises
     ------
@@ -286,13 +298,13 @@ def read_bodies(path: str | os.PathLike[str]) -> list[Body]:
                 f"cannot tell the format from {file.suffix or file.name!r}: give a file that ends "
                 f"in {', '.join(READERS)}, or a folder of such files"
             )
-        bodies = read(file)
+        bodies = read(file, [] if notes is None else notes)
         if not any(len(body.faces) or body.is_box for body in bodies):
             raise InputError("the file holds no faces; export the blocks as meshes")
         return [part for body in bodies for part in separated(body)]
 
 
-def _read_json(path: Path) -> list[Body]:
+def _read_json(path: Path, _: list[str]) -> list[Body]:
     document = parsed(read_bytes(path))
     if isinstance(document, dict) and document.get("format") == "cvxlimit-scene":
         raise InputError("this is a scene already: solve it, there is nothing to import")
@@ -304,15 +316,15 @@ def _read_json(path: Path) -> list[Body]:
     return read_compas(document)
 
 
-READERS: dict[str, Callable[[Path], list[Body]]] = {
-    ".obj": lambda path: read_obj(decoded(read_bytes(path))),
+READERS: dict[str, Callable[[Path, list[str]], list[Body]]] = {
+    ".obj": lambda path, _: read_obj(decoded(read_bytes(path))),
     ".json": _read_json,
-    ".csv": lambda path: read_table(decoded(read_bytes(path))),
-    ".off": lambda path: read_off(decoded(read_bytes(path))),
+    ".csv": lambda path, _: read_table(decoded(read_bytes(path))),
+    ".off": lambda path, _: read_off(decoded(read_bytes(path))),
     ".dxf": read_dxf,
-    **dict.fromkeys(MESHES, read_mesh),
+    **dict.fromkeys(MESHES, lambda path, _: read_mesh(path)),
 }
-"""Reader by suffix: add a format with one line."""
+"""Reader by suffix, of a file and the notes on what it leaves out: add a format with one line."""
 
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
@@ -320,7 +332,7 @@ Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 def bodies_in(paths: Paths) -> list[Body]:
     """All bodies of files and folders, by name."""
-    return _unique(_read(_files(paths)), [])
+    return _unique(_read(_files(paths), []), [])
 
 
 def _files(paths: Paths) -> list[Path]:
@@ -348,10 +360,10 @@ def _files(paths: Paths) -> list[Path]:
     return result
 
 
-def _read(files: Sequence[Path]) -> list[Body]:
+def _read(files: Sequence[Path], notes: list[str]) -> list[Body]:
     result: list[Body] = []
     for file in files:
-        bodies = read_bodies(file)
+        bodies = read_bodies(file, notes)
         alone = len(bodies) == 1
         for i, body in enumerate(bodies, 1):
             own = file.stem if alone and (len(files) > 1 or not body.name) else body.name or f"b{i}"

@@ -1,0 +1,180 @@
+"""Faces of free blocks that what surrounds a structure reaches: bare ones that look its way."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import finite_vector, meant
+from cvxlimit.errors import InputError
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, plane_axes, polygon_vectors, unit
+from cvxlimit.geometry.overlays import difference, intersections, without_holes
+from cvxlimit.scene.pressures import FACING
+from cvxlimit.scene.scene import Scene, check_scene
+
+LOOKS = np.cos(np.radians(80.0))
+"""A face looks somewhere if its normal is within 80 degrees of it: any batter of a wall or dam is,
+and tops and beds of roughly dressed stones, some degrees out of square, are not."""
+
+SAME_FACE = 0.1
+"""A joint lies on a face if it is no farther from its plane than this share of the block's mean
+thickness: more than faces are warped or joints wide, less than a notch is deep."""
+
+
+@dataclass(frozen=True)
+class Face:
+    """A part of a face of a block: outward normal, corners (k, 3), counter-clockwise about it."""
+
+    block: Block
+    normal: FloatArray
+    corners: FloatArray
+
+    def height(self, place: FloatArray, plan: FloatArray) -> float:
+        """Height of the face's plane at a place (2,) in plan; ``plan`` (3, 3) has the axes of the
+        plan and the one that points up."""
+        arm = self.corners.mean(axis=0) - place @ plan[:2]
+        return float(arm @ self.normal / (plan[2] @ self.normal))
+
+
+def upwards(scene: Scene) -> FloatArray:
+    """Where up is: against the dead load's gravity, z without any."""
+    check_scene(scene)
+    down = scene.dead.gravity
+    return np.array([0.0, 0.0, 1.0]) if down is None else -np.array(down) + 0.0
+
+
+def written(vector: ArrayLike) -> str:
+    """A vector as it is written in messages."""
+    return str((np.round(np.asarray(vector, dtype=float), 6) + 0.0).tolist())
+
+
+def chosen(scene: Scene, blocks: Collection[str] | None) -> list[str]:
+    """The ids given, or those of all free blocks; raises InputError if one is of no free block."""
+    free = [scene.blocks[i].id for i in scene.free]
+    if blocks is None:
+        return free
+    for name in [blocks] if isinstance(blocks, str) else blocks:
+        if name not in free:
+            cure = meant(name, free, "name free blocks of the scene")
+            what = "is a support, which cannot move" if name in scene.supports else "is no block"
+            raise InputError(f"{name!r} {what} of scene {scene.name!r}: {cure}")
+    return [blocks] if isinstance(blocks, str) else list(blocks)
+
+
+def looking(scene: Scene, direction: ArrayLike, blocks: Collection[str] | None) -> list[Face]:
+    """The parts of faces that look along a direction and are not covered by other blocks.
+
+    Raises
+    ------
+    InputError
+        If the direction is zero, a block is wrong, or there is no such face.
+    """
+    towards = finite_vector(direction, 3, "direction")
+    if not np.any(towards):
+        raise InputError("direction must not be zero")
+    towards, only = unit(towards), set(chosen(scene, blocks))
+    there, result = 0, list[Face]()
+    for i in scene.free.tolist():
+        if scene.blocks[i].id in only:
+            faces = list(_faces(scene.blocks[i], towards, LOOKS))
+            there += len(faces)
+            result += [part for face in faces for part in _bare(scene, i, face)]
+    if not result:
+        who = "no free block has" if blocks is None else f"none of {sorted(only)} has"
+        covered = (
+            f"all {there} faces that look along {written(towards)} are in contact with other "
+            "blocks: water in joints is uplift's, other pressures need faces that are bare"
+        )
+        missing = f"{who} a face that looks along {written(towards)}: turn the direction"
+        raise InputError(covered if there else missing)
+    return result
+
+
+def seen_from_above(scene: Scene, blocks: Collection[str] | None) -> list[Face]:
+    """The parts of faces that look up and are not covered by other blocks; unless ``blocks`` are
+    named, also without what lies under other stones."""
+    up = upwards(scene)
+    faces = looking(scene, up, blocks)
+    if blocks is not None:
+        return faces
+    plan = np.concatenate([plane_axes(up), up[None]])
+    tops = [top for block in scene.blocks for top in _faces(block, up, RELATIVE_TOLERANCE)]
+    ours, others = (
+        shapely.make_valid(np.array([shapely.Polygon(x.corners @ plan[:2].T) for x in some]))
+        for some in (faces, tops)
+    )
+    below, above = shapely.STRtree(others).query(ours, "intersects")
+    size = max(block.size for block in scene.blocks)
+    shared = intersections(ours[below], others[above], 1e-9 * size)
+    hiding: dict[int, list[shapely.Geometry]] = {}
+    # Stones do not cross each other: which of two faces lies higher is the same all over each part
+    # that they share in plan. What rounding makes of common edges is no part.
+    for j, k, both in zip(below.tolist(), above.tolist(), shared, strict=True):
+        for part in shapely.get_parts(both):
+            if part.area > 1e-9 * size * part.length:
+                place = shapely.get_coordinates(shapely.point_on_surface(part))[0]
+                over = tops[k].height(place, plan) - faces[j].height(place, plan)
+                if over > RELATIVE_TOLERANCE * size:
+                    hiding.setdefault(j, []).append(part)
+    result = list[Face]()
+    for j, face in enumerate(faces):
+        if j not in hiding:
+            result.append(face)
+            continue
+        for part in _rest(scene, face.block, ours[j], hiding[j]):
+            heights = np.array([face.height(place, plan) for place in part])
+            result.append(replace(face, corners=part @ plan[:2] + heights[:, None] * up))
+    if not result:
+        raise InputError(
+            f"all {len(faces)} faces that look up lie under other blocks: name the blocks that "
+            "are reached"
+        )
+    return result
+
+
+def _faces(block: Block, towards: FloatArray, limit: float) -> Iterator[Face]:
+    """The faces of a block whose normal has more than ``limit`` along a unit vector."""
+    for indices in block.faces:
+        corners = block.vertices[list(indices)]
+        normal = unit(polygon_vectors(corners))
+        if float(normal @ towards) > limit:
+            yield Face(block, normal, corners)
+
+
+def _bare(scene: Scene, i: int, face: Face) -> Iterator[Face]:
+    """The parts of a face of block i that no contact covers."""
+    contacts, normal, origin = scene.contacts, face.normal, face.corners.mean(axis=0)
+    outward = contacts.axes[:, 2] * np.where(contacts.a == i, 1.0, -1.0)[:, None]
+    on = ((contacts.a == i) | (contacts.b == i)) & (outward @ normal >= FACING)
+    on &= np.abs((contacts.origin - origin) @ normal) <= SAME_FACE * face.block.thickness
+    on[len(contacts) - len(scene.ties) :] = False
+    axes = plane_axes(normal)
+    whole = shapely.make_valid(shapely.Polygon((face.corners - origin) @ axes.T))
+    pieces = [
+        shapely.Polygon((piece - origin) @ axes.T)
+        for j in np.flatnonzero(on).tolist()
+        for piece in contacts.piece_points(j)
+    ]
+    cover = [piece for piece in pieces if piece.is_valid and piece.intersects(whole)]
+    if not cover:
+        yield face
+        return
+    for part in _rest(scene, face.block, whole, cover):
+        yield replace(face, corners=origin + part @ axes)
+
+
+def _rest(
+    scene: Scene, block: Block, whole: shapely.Geometry, cover: Sequence[shapely.Geometry]
+) -> Iterator[FloatArray]:
+    """Polygons (k, 2) that a cover leaves of a block's face, counter-clockwise; strips narrower
+    than a joint are none."""
+    slit = scene.joint_tolerance or block.joint_tolerance
+    for part in without_holes(difference(whole, cover, 1e-9 * block.size)):
+        if part.area > 0.5 * slit * part.length:
+            yield np.array(part.exterior.coords)[:-1]
