@@ -54,11 +54,8 @@ def interaction(moments: str) -> Callable[[Scene], Solution]:
 
 def members(scene: Scene) -> Solution:
     """Some solutions without dilatancy."""
-    starts, descents = (3, 24) if len(scene.contacts) < MANY else (1, 2)
-    method = ZeroDilatancy(
-        starts=starts, tolerance=1e-4, max_iterations=60, descents=descents
-    )  # fmt: skip
-    return solve(scene, method=method)
+    budget = 150 if len(scene.contacts) < MANY else 60
+    return solve(scene, method=ZeroDilatancy(tolerance=1e-4, searches=1, budget=budget))
 
 
 MODELS: dict[str, Callable[[Scene], Solution]] = {

@@ -120,8 +120,7 @@ class Members(Method):
     def measure(self, scene: Scene) -> Row:
         """See :class:`Method`."""
         start = time.perf_counter()
-        starts = 1 if len(scene.contacts) > MANY else 2
-        rule = ZeroDilatancy(starts=starts, tolerance=1e-4, descents=0, max_iterations=60)
+        rule = ZeroDilatancy(tolerance=1e-4, searches=1, budget=120)
         found = solve(scene, method=rule)
         seconds = time.perf_counter() - start
         return Row(status=str(found.status), load_factor=found.load_factor, total=seconds)

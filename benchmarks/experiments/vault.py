@@ -106,7 +106,7 @@ def solutions(scene: Scene, what: str, rule: ZeroDilatancy) -> tuple[object, ...
 
 
 @experiment(Part(5, name="cross-vault"))
-def vault(file: str = "", starts: int = 2, descents: int = 24, tolerance: float = 1e-5) -> Lines:
+def vault(file: str = "", searches: int = 1, budget: int = 300, tolerance: float = 1e-5) -> Lines:
     """A cross vault of 184 blocks, or of a scene file: proved to stand, and without dilatancy."""
     scene = read_scene(file) if file else cross_vault()
     low, high = least_friction(scene, 1e-3)
@@ -119,7 +119,7 @@ def vault(file: str = "", starts: int = 2, descents: int = 24, tolerance: float 
     yield Title("without dilatancy")
     yield Head("live load", "friction", "lowest found", "highest found", "number",
                "largest residual", "lower bound", "upper bound", "CPU s")  # fmt: skip
-    rule = ZeroDilatancy(starts=starts, descents=descents, tolerance=tolerance)
+    rule = ZeroDilatancy(searches=searches, budget=budget, tolerance=tolerance)
     for friction in FRICTIONS:
         yield solutions(scene.with_friction(friction), "push to one side", rule)
     if not file:

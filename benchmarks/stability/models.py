@@ -33,7 +33,7 @@ from cvxlimit.surfaces.coulomb import surfaces_of
 SHORT = Certified(solves=4, branching_seconds=0.5)
 """Of the certified method: four readings on every scene, so a second each has to do."""
 
-MEMBERS = ZeroDilatancy(starts=2, max_iterations=60, descents=4)
+MEMBERS = ZeroDilatancy(searches=1, budget=60)
 """Without dilatancy: enough for a member or two of small scenes."""
 
 STRONG, WEAK = 1e4, 30.0

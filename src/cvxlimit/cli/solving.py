@@ -54,6 +54,7 @@ from cvxlimit.io.geometry.importing import READERS
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.certified import Certified
+from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE
@@ -61,7 +62,7 @@ from cvxlimit.plotting import PICTURES as PICTURES_OF
 from cvxlimit.plotting import picture_of, plot, plot_scene, refused
 from cvxlimit.plotting.look import IMAGES
 from cvxlimit.readings.named import MOMENTS
-from cvxlimit.reductions.choice import explain
+from cvxlimit.reductions.choice import BUDGET, explain
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -248,10 +249,27 @@ class Order:
         group=EFFORT,
     )
     workers: int = option("N", "Processes of branch and bound.", 1, group=EFFORT)
+    searches: int | None = option(
+        "N",
+        "Searches for low members without dilatancy; unless given, as many as cvxlimit explain "
+        "SCENE names.",
+        group=EFFORT,
+    )
+    budget: int | None = option(
+        "N", f"Problems that each search solves; unless given, {BUDGET}.", group=EFFORT
+    )
+    seed: int | None = option("N", "Seed of the first search; unless given, 0.", group=EFFORT)
 
-    def settings(self) -> dict[str, str | float | Certified | None]:
+    def settings(self) -> dict[str, Any]:
         names = ("method", "moments", "tolerance", "model", "solver")
         given = {name: getattr(self, name) for name in names}
+        efforts = {name: getattr(self, name) for name in ("searches", "budget", "seed")}
+        chosen = {name: value for name, value in efforts.items() if value is not None}
+        if chosen:
+            if self.method != ZeroDilatancy.name:
+                named = " and ".join(f"--{name}" for name in chosen)
+                raise ModelError(f"{named} goes with --method {ZeroDilatancy.name}")
+            return {**given, "method": ZeroDilatancy(**chosen)}
         if self.branching_seconds is None and self.workers == 1:
             return given
         if self.method != Certified.name:

@@ -29,7 +29,7 @@ from cvxlimit.io.forms import (
     row,
 )
 from cvxlimit.io.scenes import UNITS, scene_digest
-from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Solution, Status
+from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Search, Solution, Status
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import Dilatancy
 
@@ -104,6 +104,12 @@ MEMBER = record(
     },
     # forces and mechanism are those of the lowest only, which are the result's own
     lambda **given: Member(**given, forces=np.zeros((0, 6)), mechanism=np.zeros((0, 6))),
+)
+
+SEARCH = record(
+    Search,
+    {"seed": Key(WHOLE), "load_factor": Key(nullable(FIGURE), is_needed=True)}
+    | {name: Key(WHOLE) for name in ("solves", "last_gain")},
 )
 
 DILATANCY = record(
@@ -268,6 +274,7 @@ RESULT: Document[Solution] = Document(
             "quantity": Key(TEXT, "{key}"),
             "flow": Key(TEXT, "{key}"),
             "members": Key(listed(MEMBER), "{key}"),
+            "searches": Key(listed(SEARCH), "{key}", is_needed=False),
             "lower_end": Key(nullable(LOWER_END), "{key}", is_needed=False),
             "dilatancy": Key(nullable(DILATANCY), "{key}", is_needed=False),
             "iteration": Key(nullable(ITERATION), "{key}", is_needed=False),

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.solution import Iteration, LowerEnd, Member
+from cvxlimit.solution import Iteration, LowerEnd, Member, Search
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import Dilatancy
 
@@ -27,6 +27,8 @@ class Answer:
         That of the upper bound, if there is one: rates along x, y, z and of turning about these.
     members : tuple of Member
         All solutions, where the answer is a set.
+    searches : tuple of Search
+        What each search for them found.
     iteration : Iteration or None
         How far an iteration without bounds has been.
     internal : (p,) array or None
@@ -44,6 +46,7 @@ class Answer:
     forces: FloatArray | None = None
     mechanism: FloatArray | None = None
     members: tuple[Member, ...] = ()
+    searches: tuple[Search, ...] = ()
     iteration: Iteration | None = None
     internal: FloatArray | None = None
     lower_end: LowerEnd | None = None

@@ -393,6 +393,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         note=_note(method, run, status, dilatancy),
         versions=versions(run.solvers),
         members=best.members,
+        searches=best.searches,
         dilatancy=dilatancy,
         iteration=best.iteration,
         internal=best.internal,
@@ -432,7 +433,9 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
     elif status is Status.SOLVER_FAILED:
         sentences = [run.failure, status.advice]
     else:
+        # advice is left out that would be the method that has just failed
         is_plain = status.is_good or status is Status.NOT_CERTIFIED
+        is_plain = is_plain or f"'{method.name}'" in status.advice
         sentences = ["" if is_plain else status.advice, basis, *run.remarks]
     # what detection has left out or simplified, where that may have decided
     if status is Status.DEAD_LOAD_UNSTABLE and run.given.near_misses:

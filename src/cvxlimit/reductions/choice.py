@@ -211,16 +211,34 @@ PACES: Mapping[str, tuple[float, float]] = MappingProxyType(
         "exact": (2e-5, 2.2),
         "fixed-point": (2.5e-4, 1.85),
         "certified": (5e-2, 1.0),
-        "zero-dilatancy": (5e-4, 2.0),
+        "zero-dilatancy": (3e-3, 1.3),
         "gilbert": (4e-6, 2.0),
     }
 )
 """CPU seconds by method: the first times contacts to the power of the second, within a factor of
-some five (docs/evidence/speed.md#other-methods). Planar scenes take a third or less."""
+some five (docs/evidence/speed.md#other-methods). Planar scenes take a third or less. Those of zero
+dilatancy are of one search."""
 
-PROBLEMS = 500
-"""That zero dilatancy solves, most of them in walks, unless its bracket closes before, and up to
-twice as many in space; none in less than a millisecond."""
+BUDGET = 300
+"""Problems that a search without dilatancy solves."""
+
+SEARCHES = 5
+"""As many of them at most unless asked for more, each with a seed of its own."""
+
+SEARCH_SECONDS = 20.0
+"""Seconds that all of them together may take, as far as can be told; one is made in any case."""
+
+
+def searches_in_time(contacts: int, is_plane: bool) -> int:
+    """Returns how many searches without dilatancy are made of a scene unless a number is asked for:
+    as many as fit the time, which depends on its size alone, not on the machine."""
+    return int(np.clip(SEARCH_SECONDS / _pace("zero-dilatancy", contacts, is_plane), 1, SEARCHES))
+
+
+def _pace(method: str, contacts: int, is_plane: bool) -> float:
+    """Returns the CPU seconds that :data:`PACES` expects."""
+    rate, power = PACES[method]
+    return float(rate * contacts**power / (3 if is_plane else 1))
 
 
 MEANING: Mapping[str, str] = MappingProxyType(
@@ -239,7 +257,8 @@ class Explanation:
 
     ``blocks`` are free ones; ``sizes`` those of the full model and after each reduction, in order;
     ``seconds`` are those of one idle core, to a factor of two or so; ``methods`` those of the other
-    methods, to a factor of five or so. ``told`` is what detection leaves out or simplifies.
+    methods, to a factor of five or so. ``told`` is what detection leaves out or simplifies, and
+    ``searches`` how many are made for members without dilatancy.
     """
 
     scene_name: str
@@ -251,6 +270,7 @@ class Explanation:
     seconds: float
     methods: Mapping[str, float] = field(default_factory=dict)
     told: tuple[str, ...] = ()
+    searches: int = 1
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{name} {s.variables} variables" for name, s in self.sizes.items())
@@ -269,7 +289,8 @@ class Explanation:
         lines += [f"{name}: {MEANING[name]}" for name in self.sizes if name in MEANING]
         lines.append(f"solver: {self.solver}, because {self.reason}")
         lines.append(f"expected time: {_said(self.seconds)} to solve, on one idle core")
-        many = {"zero-dilatancy": f" for {PROBLEMS} to {2 * PROBLEMS} problems"}
+        of = f"{self.searches} searches of" if self.searches > 1 else "one search of"
+        many = {"zero-dilatancy": f" for {of} {BUDGET} solves (--searches, --budget)"}
         others = [f"{name} {_said(s)}{many.get(name, '')}" for name, s in self.methods.items()]
         lines += [f"other methods, roughly: {', '.join(others)}"] * bool(others)
         lines += [f"geometry: {said}" for said in self.told]
@@ -322,11 +343,10 @@ def explain(
     sizes = {name: problem.shape for name, problem in problems.items()}
     first = last.ladder(tolerance)[0]
     pace, growth = SOLVERS[first.name].pace
-    ways = 1 if found.plane is None else 3
-    methods = {
-        name: rate * len(scene.contacts) ** power / ways for name, (rate, power) in PACES.items()
-    }
-    methods["zero-dilatancy"] = max(methods["zero-dilatancy"], 1e-3 * PROBLEMS)
+    size = len(scene.contacts), found.plane is not None
+    searches = searches_in_time(*size)
+    methods = {name: _pace(name, *size) for name in PACES}
+    methods["zero-dilatancy"] *= searches
     return Explanation(
         scene.name,
         len(scene.free),
@@ -337,6 +357,7 @@ def explain(
         float(pace * last.shape.variables**growth),
         methods,
         scene.told,
+        searches,
     )  # fmt: skip
 
 

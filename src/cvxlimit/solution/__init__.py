@@ -1,7 +1,7 @@
 """What comes out: load factor and bracket, forces and mechanism, what joints do in it."""
 
 from cvxlimit.solution.bracket import Bracket
-from cvxlimit.solution.records import Iterate, Iteration, LowerEnd, Member, Status
+from cvxlimit.solution.records import Iterate, Iteration, LowerEnd, Member, Search, Status
 from cvxlimit.solution.solution import LOAD_FACTOR, Solution
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "Iteration",
     "LowerEnd",
     "Member",
+    "Search",
     "Solution",
     "Status",
 ]

@@ -182,6 +182,28 @@ class Member:
         return max(self.equilibrium, self.yield_excess, self.flow, self.complementarity)
 
 
+@dataclass(frozen=True)
+class Search:
+    """One of several searches for low members.
+
+    Attributes
+    ----------
+    seed : int
+        Of its random numbers.
+    load_factor : float or None
+        Of the lowest member that it found; None if it found none.
+    solves : int
+        How many convex problems it solved.
+    last_gain : int
+        After how many of them it found that member: late ones suggest that there are lower members.
+    """
+
+    seed: int
+    load_factor: float | None
+    solves: int
+    last_gain: int
+
+
 @dataclass(frozen=True, eq=False)
 class LowerEnd:
     """The lower end of an interval of load factors: the dead load does not stand with less of the

@@ -15,7 +15,7 @@ from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.scene import Scene, Units, check_scene
 from cvxlimit.solution.bracket import Bracket, rounded, rounded_up
 from cvxlimit.solution.kinematics import Dilatancy
-from cvxlimit.solution.records import Iterate, Iteration, LowerEnd, Member, Status
+from cvxlimit.solution.records import Iterate, Iteration, LowerEnd, Member, Search, Status
 from cvxlimit.surfaces import YieldSurface
 
 if TYPE_CHECKING:
@@ -68,6 +68,8 @@ class Solution:
         ``"associated"``, ``"zero-dilatancy"`` or ``"gilbert"``.
     members : tuple of Member
         All solutions found, lowest first, where the answer is a set: zero dilatancy.
+    searches : tuple of Search
+        What each search for them found, and how late.
     dilatancy : Dilatancy or None
         How far the load factor rests on joints that open because they slide; None without forces
         and mechanism, and where friction does not dilate (``flow``).
@@ -119,6 +121,7 @@ class Solution:
     torsion_shear: str = "linear"
     flow: str = "associated"
     members: tuple[Member, ...] = field(default=(), repr=False)
+    searches: tuple[Search, ...] = field(default=(), repr=False)
     dilatancy: Dilatancy | None = None
     iteration: Iteration | None = None
     internal: FloatArray | None = field(default=None, repr=False)

@@ -17,7 +17,7 @@ from helpers import hand_equilibrium, hand_torsion_arm
 
 FloatArray = NDArray[np.float64]
 
-RULE = ZeroDilatancy(starts=2, descents=2)
+RULE = ZeroDilatancy(searches=1, budget=40)
 
 
 def wedged() -> Scene:

@@ -55,10 +55,13 @@ class Verifier:
         forces = self.strength.forces(balanced)
         rates = self.statics.relative_rates(mechanism)
         # Complementarity: at each contact the power of the forces (negative where they resist) and
-        # the power that friction, cohesion and strength take up cancel out.
-        shortfall = self.slip.shortfall(rates)
-        taken = self.slip.dilatancy(shortfall) * forces[:, COLUMN["N"]] + shortfall.by_contact
-        lost = float(np.abs((forces * rates).sum(axis=1) + taken).sum())
+        # the power that friction, cohesion and strength take up cancel out. What compressions do
+        # where blocks penetrate is lost by itself: friction that slips the wrong way would make up
+        # for it, and blocks that wedge each other press so hard that little of either tells.
+        shortfall, pressed = self.slip.shortfall(rates), forces[:, COLUMN["N"]]
+        taken = self.slip.dilatancy(shortfall) * pressed + shortfall.by_contact
+        closed = np.abs(pressed) * np.maximum(shortfall.missing, 0.0)
+        lost = float((np.abs((forces * rates).sum(axis=1) + taken) + closed).sum())
         # Flow: rates that no condition resists, or missing openings, over the largest rate.
         openings = corner_openings(rates, self.contacts)
         penetrates = float(np.abs(shortfall.unresisted).max(initial=shortfall.missing.max()))

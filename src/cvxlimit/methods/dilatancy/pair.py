@@ -50,13 +50,20 @@ from cvxlimit.surfaces.coulomb import needed_surfaces
 
 @dataclass(frozen=True, eq=False)
 class Priced:
-    """The goal to maximise the load factor less compressions times their ``price`` (n,), which is
-    scaled as the problem is."""
+    """The goal to maximise the load factor less compressions times their ``price`` (n,), the factor
+    being ``most`` at most. Both are scaled as the problem is."""
 
     price: cp.Parameter
+    most: cp.Parameter
 
     def __call__(self, stated: Stated) -> Any:
+        stated.into.nonneg(-1.0 * (stated.factor - self.most))
         return stated.factor - np.ones(self.price.size) @ times(self.price, stated.forces["N"])
+
+
+_NO_CAP = 100.0
+"""Stands for no cap on the scaled load factor, that is so many times the weight of the blocks: all
+that is priced has a finite optimum then, and solvers are not slowed down."""
 
 
 class Reduced:
@@ -137,14 +144,17 @@ class Pair:
             self._kept, self._lift = reduced.kept, reduced.lift
             self.slip = HeldFlow(reduced.surfaces, run.assemblage.contacts)
             self._price, self._pressed = (cp.Parameter(len(self._kept)) for _ in range(2))
-            self._priced = reduced.problem(Priced(self._price))
+            self._most = cp.Parameter()
+            self._priced = reduced.problem(Priced(self._price, self._most))
             self._held = reduced.held(self._pressed)
-            self._price.value = np.zeros(len(self._kept))
+            self._price.value, self._most.value = np.zeros(len(self._kept)), 1.0
             self.has_cones = self._priced.shape.cones > 0
 
-    def priced(self, price: FloatArray, tolerance: float) -> LimitState:
-        """Solves for the largest load factor less prices (n,) times compressions, and returns the
-        state."""
+    def priced(self, price: FloatArray, tolerance: float, cap: float = np.inf) -> LimitState:
+        """Solves for the largest load factor, up to a ``cap``, less prices (n,) times compressions,
+        and returns the state."""
+        unit = self.run.scaling.load_factor(1.0)
+        self._most.value = min(cap / unit, _NO_CAP)
         self._price.value = self.run.scaling.live * (self._lift.T @ price)
         state, settings = self._solved(self._priced, tolerance)
         self.run.note(state, f"{settings}, compressions priced")

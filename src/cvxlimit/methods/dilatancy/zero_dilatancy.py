@@ -1,73 +1,74 @@
-"""Friction that slides without opening: low and high members of its set of solutions.
+"""Friction that slides without opening: low members of its set of solutions.
 
 A solution is a load factor with forces in equilibrium that exceed no yield condition, and a
 mechanism on which friction opposes slip, pressed contacts do not open, and none opens by sliding.
-There are many solutions. The forces of each are admissible in the associated model as well, whose
-load factor is therefore an upper bound of theirs.
+There are many of them, the *members* of a set. The forces of each are admissible in the associated
+model as well, whose load factor is therefore an upper bound of theirs.
 
 The words used here: the *price* (n,) of compressions is what the associated model would open at
-each contact, and the *pair* is the two convex problems of :mod:`.pair`, the priced one and the one
-with friction held. A *walk* is a sequence of pairs that leads down or up from a solution.
+each contact, the *pair* is the two convex problems of :mod:`.pair`, the priced one and the one with
+friction held, the *loss* is what its forces and mechanism lack of being a member, and the *cap* is
+the largest load factor that forces may have.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
-from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import ConvexSearch, standing
+from cvxlimit.methods.dilatancy.agreement import about_zero, agreement
 from cvxlimit.methods.dilatancy.least_thrust import PATIENCE, is_covered, lower_bound
-from cvxlimit.methods.dilatancy.lifted import Lifted, LiftedBound, lifted_bound
 from cvxlimit.methods.dilatancy.members import Verifier
 from cvxlimit.methods.dilatancy.pair import Pair, pressed
 from cvxlimit.methods.driver import Method, Run, Steps
-from cvxlimit.solution import Member, Status
+from cvxlimit.reductions.choice import BUDGET, searches_in_time
+from cvxlimit.solution import Member, Search, Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState
 
 
 @dataclass(frozen=True)
 class _Numbers:
-    """The numbers of the search. Only which solutions it finds, and how fast, depends on them:
-    every solution is checked."""
+    """The numbers of the search. Only which members it finds, and how fast, depends on them: every
+    member is checked. They were chosen on random walls (:mod:`benchmarks.random_walls`)."""
 
-    # Iterates of De Saxce before the first pair, and the weights of new prices in them, in turn.
-    # Where friction is a cone, some errors keep their sign from one iterate to the next, others
-    # change it: weights about 1, as Chebyshev's for eigenvalues from -1 to 0.6, take a third of the
-    # problems off that 0.8 alone needs on large walls. Where friction is linear there are finitely
-    # many mechanisms: pairs end in a few steps, while iterates swing to and fro, and with a weight
-    # of 0.8 for three times as long in a large wall.
-    cones: tuple[int, tuple[float, ...]] = (12, (0.6, 0.9, 1.6))
-    linear: tuple[int, tuple[float, ...]] = (2, (0.5,))
-    # Iterates of De Saxce where pairs stall: as many as at first where friction is a cone.
-    own: int = 12
-    # Tolerance of iterates. They need not be exact, since the next one corrects them.
+    # Iterates of De Saxce before the first pair and where it stalls, if friction is a cone, and the
+    # weights of new prices in them, in turn. Some errors keep their sign from one iterate to the
+    # next, others change it: hence weights about 1, as Chebyshev's for eigenvalues from -1 to 0.6.
+    # Where friction is linear there are finitely many mechanisms: pairs end in a few steps.
+    iterates: int = 12
+    weights: tuple[float, ...] = (0.6, 0.9, 1.6)
+    # Tolerance of problems: at most this; over the loss to be lowered; where rounding begins.
     rough: float = 1e-4
-    # Pairs stall where one leaves more than this share of the loss: in space the loss then falls by
-    # a tenth a pair, and by a half or more in twelve iterates.
-    stalls: float = 0.7
-    exact: float = 0.01  # Tolerance of pairs, over the loss that they are to lower.
-    finest: float = 1e-11  # The smallest tolerance of all: rounding begins there.
-    # Largest random price where no iterate has shown its size, over the friction coefficient at a
-    # rate at which the whole live load does power 1: blocks that wedge each other have a solution
-    # only at some price.
-    natural: float = 4.0
-    # Scales of random prices over the last iterate's largest, in turn. Only far higher ones find
-    # the lowest branch of a wall whose solutions are all known.
-    scales: tuple[float, ...] = (30.0, 5.0, 1.0)
-    # Sizes of pushes in walks, in turn. A push is three things: by how much prices are too high on
-    # the way down and too low on the way up; random prices of compressions added to them, in load
-    # factors per total load; and the share by which held friction is less at random. Small pushes
-    # find the lowest members known of walls in the plane, from six seeds of six; large ones find
-    # lower members in space.
-    pushes: tuple[float, ...] = (0.03, 0.1)
-    walk: int = 6  # Pairs of a walk before it ends at a solution.
+    exact: float = 0.01
+    finest: float = 1e-11
+    # A try fails where a pair leaves more than this share of the loss, from this pair on: those
+    # that end at a member take two to seven, others hardly change from the third on.
+    leaves: float = 0.8
+    from_pair: int = 3
+    # Largest random prices, over the friction coefficient at a rate at which the whole live load
+    # does power 1. Each finds members that the others do not.
+    prices: tuple[float, ...] = (120.0, 20.0, 4.0)
+    # Share of tries from random prices. The others start from the lowest member: kicks alone stay
+    # in its neighbourhood, random prices alone are too far from everything.
+    fresh: float = 0.25
+    # Factor on a mechanism's prices at which forces on it are its lowest.
+    higher: float = 1.003
+    # Most that a member may lose, over the square of what it is lower by than the one before. Slip
+    # that friction opposes at an angle loses the square of the angle and changes the load factor
+    # by the angle itself: a cap close by would find that, and no member.
+    sure: float = 0.01
+    settled: float = 1e-10  # What a member loses that is settled.
+    # How far below the lowest member the cap is: the least, the first and the largest gap, over the
+    # load factor, and what a failure and a hit make of it.
+    gaps: tuple[float, float, float] = (1e-3, 0.1, 0.3)
+    narrower: float = 0.75
+    wider: float = 1.5
 
 
 _N = _Numbers()
@@ -75,16 +76,16 @@ _N = _Numbers()
 
 @dataclass(frozen=True)
 class ZeroDilatancy(Method):
-    """Solutions without dilatancy from several starts, and a search for low and high ones.
+    """Solutions without dilatancy, and several searches for low ones.
 
     Two convex problems alternate (:mod:`~cvxlimit.methods.dilatancy.pair`): the load factor with
     friction held at the compressions of the last forces, whose mechanism slides without opening,
-    and the load factor less a penalty on compressions: the dilatancy of the last mechanism.
-    What forces and mechanism lose never rises; where it stalls, De Saxce's iterates, damped, come
-    between. A solution is accepted if equilibrium, yield, flow and complementarity, recomputed
-    outside the solver, are within the tolerance. From the lowest one, penalties a little too
-    high lead to the lowest forces on its mechanism, friction held to another mechanism of theirs,
-    and so on; from the highest one likewise upwards.
+    and the load factor less a price on compressions: the dilatancy of the last mechanism. What
+    forces and mechanism lose falls, and where it vanishes they are a member. A member is accepted
+    if equilibrium, yield, flow and complementarity, recomputed outside the solver, are within the
+    tolerance. A search then asks for forces below a cap, a little under its lowest member: from
+    there every member is a lower one. It starts again and again, from random prices or from its
+    lowest member, changed at random.
 
     Associated friction bounds all solutions from above, and so does its proved upper bound here:
     the bracket of the answer is one of all of them, not of the lowest that was found.
@@ -93,25 +94,17 @@ class ZeroDilatancy(Method):
     ----------
     tolerance : float
         Largest residual of a solution.
-    starts : int
-        The first is the associated solution, the others have random penalties.
-    damping : float or None
-        Weight of the new penalty against the old one, in iterates with their own mechanism; None
-        takes 0.6, 0.9 and 1.6 in turn where friction is a cone, and 0.5 where it is linear.
-    max_iterations : int
-        Most problems per start.
     seed : int
-        Seed of the random penalties.
-    descents : int
-        Pairs of problems tried in the search for low members, and half as many for high ones; 0
-        for none.
-    products : Lifted or None
-        Seek a second lower bound, for scenes in a plane up to some 45 contacts; None does not.
+        Of the first search; the following ones have the following seeds.
+    searches : int or None
+        How many; None for as many as :func:`cvxlimit.explain` names.
+    budget : int
+        Problems that each search solves, each about a plain solve of the scene.
 
     Example
     -------
     >>> from cvxlimit import builtin_scene, solve
-    >>> found = solve(builtin_scene("arch"), method=ZeroDilatancy(starts=1))
+    >>> found = solve(builtin_scene("arch"), method=ZeroDilatancy(searches=1, budget=40))
     >>> found.lower <= found.load_factor <= found.upper, found.gap < 1e-4
     (True, True)
     """
@@ -121,96 +114,267 @@ class ZeroDilatancy(Method):
     axis = "flow"
 
     tolerance: float = 1e-6
-    starts: int = 4
-    damping: float | None = None
-    max_iterations: int = 150
     seed: int = 0
-    descents: int = 120
-    products: Lifted | None = None
+    searches: int | None = None
+    budget: int = BUDGET
 
     def __post_init__(self) -> None:
         ratio(self.tolerance, "tolerance")
-        count(self.starts, 1, "starts")
-        if self.damping is not None and not 0.0 < self.damping <= 1.0:
-            raise ModelError(f"damping must be above 0 and at most 1, got {self.damping!r}")
-        count(self.max_iterations, 1, "max_iterations")
-        count(self.descents, 0, "descents")
+        count(self.seed, 0, "seed")
+        if self.searches is not None:
+            count(self.searches, 1, "searches")
+        count(self.budget, 1, "budget")
 
     def steps(self, run: Run) -> Steps:
         search = standing(run, run.model)
         if search is None:
             return Status.DEAD_LOAD_UNSTABLE
-        return (yield from _Search(self, run, search).steps())
-
-    def basis(self, run: Run) -> str:
-        """Returns what the bounds rest on. A lower bound by products is left out, since the remark
-        that names it says so."""
-        bracket = run.best.bracket
-        proved = bracket if bracket.lower_is_proved else replace(bracket, lower=-np.inf)
-        return proved.basis
+        return (yield from _Searches(self, run, search).steps())
 
 
 CheckedState = tuple[Member, LimitState]
-"""A solution as it is reported, and the state with the forces and mechanism it was made of."""
+"""A member as it is reported, and the state with the forces and mechanism it was made of."""
 
 
-class _Search:
-    """The search of one run: ``solutions`` are all that it found, ``failed`` starts found none,
-    ``tried`` pairs were solved in walks, and ``typical`` (n,) is the last price of a pair. Of De
-    Saxce's iterates ``first`` precede the first pair; ``damping`` are their weights, in turn."""
+class _Searches:
+    """The searches of one run: ``members`` are all that they found, ``done`` what each of them did,
+    and ``smallest`` is the smallest loss of any pair, over the load factor."""
 
     def __init__(self, rule: ZeroDilatancy, run: Run, associated: ConvexSearch) -> None:
         self.rule, self.run, self.associated = rule, run, associated
-        self.solutions: list[CheckedState] = []
-        self.typical: FloatArray | None = None
-        self.failed = self.tried = 0
-        self.products: LiftedBound | None = None
+        is_plane = associated.reductions.plane is not None
+        self.number = rule.searches or searches_in_time(len(run.contacts), is_plane)
+        self.members: list[CheckedState] = []
+        self.done: list[Search] = []
+        self.smallest = np.inf
         self.pair = Pair(run, associated)
-        self.first, damping = _N.cones if self.pair.has_cones else _N.linear
-        self.damping = damping if rule.damping is None else (rule.damping,)
+        self.iterates = _N.iterates if self.pair.has_cones else 0
         with run.clock.phase("certify"):
             self.verifier = Verifier(run, associated.certifier, self.pair.slip)
         self.random = np.random.default_rng(rule.seed)
+        self.begun = self.until = 0
 
     def steps(self) -> Steps:
-        """Runs the whole search, problem by problem, and returns the status of the run."""
-        # The associated model: its upper bound, and the mechanism of the first start.
-        mechanism = yield from self._associated()
-        # Solutions from that mechanism and from random prices.
-        for start in range(self.rule.starts):
-            if start == 0 and mechanism is not None:
-                solution = yield from self._started("associated", self._price(mechanism), True)
-            else:
-                price = self._random_price(_N.scales[max(start - 1, 0) % len(_N.scales)])
-                solution = yield from self._started(f"random {start}", price, False)
-            self.failed += solution is None
-        # A lower bound of all solutions; where the lowest found does not meet it, walks seek lower
-        # and higher ones.
+        """Runs all searches, and returns the status of the run."""
+        # The associated model: its upper bound, and the mechanism of the first member.
+        yield from self.associated.steps()
+        self._take_associated()
+        self._begin()
+        first = self._first(self.associated.run.best.mechanism)
+        yield
+        # A lower bound of all members. Where the first one meets it, there is nothing to search.
         self._bound_from_below()
         yield
-        if self.solutions and not self.run.best.bracket.is_within(self.rule.tolerance):
-            yield from self._walked(1.0, self.rule.descents)
-            yield from self._walked(-1.0, self.rule.descents // 2)
-        if self.solutions and self.rule.products is not None:
-            self._bound_by_products(self.rule.products)
+        is_lowest = first is not None and self.run.best.bracket.is_within(self.rule.tolerance)
+        for number in range(0 if is_lowest else self.number):
+            if number > 0:
+                self._begin()
+            yield from self._searched(self.rule.seed + number, first)
         self._report()
-        return Status.CONVERGED if self.solutions else Status.NOT_CONVERGED
+        return Status.CONVERGED if self.members else Status.NOT_CONVERGED
 
-    def _associated(self) -> Generator[None, None, FloatArray | None]:
-        """Solves the associated model, whose upper bound holds for all solutions, and returns its
-        mechanism (free, 6); None if it has none."""
-        yield from self.associated.steps()
-        aside = self.associated.run
-        self.run.history += [
+    def _take_associated(self) -> None:
+        """Takes the history and the upper bound of the associated model."""
+        aside, run = self.associated.run, self.run
+        run.history += [
             replace(iterate, solver=f"{iterate.solver}, associated friction", lower=None)
             for iterate in aside.history
         ]
         bound = aside.best.bracket
         if np.isfinite(bound.upper):
-            bracket = self.run.best.bracket.lowered(bound.upper, bound.upper_is_proved)
-            self.run.best = Answer(bracket=bracket)
+            bracket = run.best.bracket.lowered(bound.upper, bound.upper_is_proved)
+            run.best = Answer(bracket=bracket)
         self._report()
-        return aside.best.mechanism
+
+    def _begin(self) -> None:
+        """Begins a search: its budget counts from here."""
+        self.begun, self.until = self.pair.solved, self.pair.solved + self.rule.budget
+
+    def _first(self, mechanism: FloatArray | None) -> CheckedState | None:
+        """Returns the member to which the associated mechanism leads, if there are both."""
+        if mechanism is None:
+            return None
+        price = self.pair.dilatancy(mechanism)
+        upper = self.run.best.bracket.upper
+        cap = upper + self.run.scaling.unit(upper)  # out of the way
+        state = self._priced(price, cap, _N.rough)
+        state = self._iterated(state, price, cap, _N.rough)
+        found = self._paired("associated", state, cap, self.rule.tolerance, self.iterates)
+        return None if found is None else self._settled(found, cap)
+
+    def _searched(self, seed: int, first: CheckedState | None) -> Steps:
+        """Searches below ``first`` until the budget is spent, and returns no status of the run."""
+        run, lowest, tries = self.run, first, 0
+        self.random = np.random.default_rng(seed)
+        least, gap, largest = _N.gaps
+        self.done.append(Search(seed, None if first is None else first[0].load_factor, 0, 0))
+        while self.pair.solved < self.until:
+            # The cap, below the lowest member of this search; without one, below all that there
+            # may be.
+            tries += 1
+            factor = run.best.bracket.upper if lowest is None else lowest[0].load_factor
+            cap = factor - gap * run.scaling.unit(factor) if np.isfinite(factor) else np.inf
+            # A try, from a random price or from the lowest member.
+            if lowest is None or self.random.uniform() < _N.fresh:
+                label, state = "random prices", self._priced(self._random_price(), cap, _N.rough)
+            else:
+                label, state = "lowest", self._kicked(lowest[1], cap)
+            label = f"search {seed}, {label} {tries}"
+            found = self._paired(label, state, cap, self._aim(gap))
+            # After a hit lower forces on its mechanism, and a cap further down; after a failure one
+            # nearer by, and from the least gap on all over again.
+            if found is None:
+                gap = gap * _N.narrower if gap > least else _N.gaps[1]
+            else:
+                gap = min(gap * _N.wider, largest)
+                lowest = self._lowered(self._settled(found, cap))
+            self._record(seed, lowest, found is not None)
+            yield
+        return Status.CONVERGED
+
+    def _kicked(self, state: LimitState, cap: float) -> LimitState | None:
+        """Returns forces near a member below a cap: its prices are up to twice as high, then
+        friction is held at some share of the compressions found, at random contact by contact."""
+        assert state.mechanism is not None
+        price = self.pair.dilatancy(state.mechanism) * (1.0 + self._random_sizes(1.0))
+        held = self._held(self._priced(price, cap, _N.rough), _N.rough, self._random_sizes(1.0))
+        if held is None or held.mechanism is None:
+            return None
+        return self._priced(self.pair.dilatancy(held.mechanism), cap, _N.rough)
+
+    def _settled(self, found: CheckedState, cap: float) -> CheckedState:
+        """Returns the member next to one found that loses next to nothing, in place of that one, or
+        the same where pairs do not lead to it. What it loses may be friction at an angle to slip,
+        by the root of that: so much higher may the load factor be."""
+        (member, state), settled = found, _N.settled
+        factor, lost = member.load_factor, member.complementarity
+        if lost <= settled or not self.pair.has_cones:
+            return found
+        assert state.mechanism is not None
+        cap = min(cap, factor + np.sqrt(2.0 * lost) * self.run.scaling.unit(factor))
+        forces = self._priced(self.pair.dilatancy(state.mechanism), cap, _N.exact * settled)
+        finer = self._paired(member.start, forces, cap, settled)
+        if finer is None:
+            return found
+        self.members.remove(found)
+        return finer
+
+    def _lowered(self, found: CheckedState) -> CheckedState:
+        """Returns a member that is lower than one found: the lowest forces on its mechanism, then
+        those on a mechanism of these forces, and so on, as long as that gains."""
+        exact = _N.exact * self.rule.tolerance
+        while self.pair.solved < self.until:
+            member, state = found
+            assert state.mechanism is not None
+            price = _N.higher * self.pair.dilatancy(state.mechanism)
+            forces = self._priced(price, member.load_factor, exact)
+            held = self._held(forces, exact)
+            if forces is None or held is None:
+                break
+            unit = self.run.scaling.unit(member.load_factor)
+            gain = (member.load_factor - (forces.load_factor or 0.0)) / unit
+            if gain <= self.rule.tolerance or self._loss(forces, held) > self._aim(gain):
+                break
+            lower = self._checked(replace(forces, mechanism=held.mechanism), member.start, 2)
+            if lower is None:
+                break
+            found = lower
+            if gain < _N.gaps[0]:
+                break
+        return found
+
+    def _paired(
+        self,
+        label: str,
+        state: LimitState | None,
+        cap: float,
+        aim: float,
+        iterates: int = 0,
+    ) -> CheckedState | None:
+        """Solves both problems of the pair in turn, below a cap, until forces and mechanism are a
+        member that loses no more than ``aim``, and returns it. Where pairs stall come so many
+        ``iterates`` of De Saxce. Returns None where pairs stall without any, if a solve fails, or
+        when the budget is spent."""
+        begun, finest = self.pair.solved, max(_N.exact * aim, _N.finest)
+        loss, before, pairs = 1.0, np.inf, 0
+        while state is not None and self.pair.solved < self.until:
+            # Friction held at the state's compressions: the loss, and a mechanism.
+            exact = min(max(_N.exact * loss, finest), _N.rough)
+            held = self._held(state, exact)
+            if held is None or held.mechanism is None:
+                return None
+            loss, pairs = self._loss(state, held), pairs + 1
+            # Within the tolerance it is checked; if the checker refuses it, solves become finer.
+            if loss <= aim:
+                both = replace(state, mechanism=held.mechanism)
+                member = self._checked(both, label, self.pair.solved - begun)
+                if member is not None:
+                    return member
+                finest = max(0.1 * finest, _N.finest)
+            self.smallest = min(self.smallest, loss)
+            stalls = loss > _N.leaves * before
+            if stalls and not iterates and pairs >= _N.from_pair:
+                return None
+            before = np.inf if stalls and iterates else loss
+            # Forces at the mechanism's price.
+            price = self.pair.dilatancy(held.mechanism)
+            exact = min(max(_N.exact * loss, finest), _N.rough)
+            state = self._priced(price, cap, exact)
+            if stalls and iterates:
+                state = self._iterated(state, price, cap, exact)
+        return None
+
+    def _iterated(
+        self, state: LimitState | None, price: FloatArray, cap: float, tolerance: float
+    ) -> LimitState | None:
+        """Takes iterates of De Saxce from a state, in which prices (n,) follow the priced problem's
+        own mechanism, damped. Returns the last state; None if a solve fails."""
+        for k in range(self.iterates):
+            if state is None or state.mechanism is None:
+                return None
+            w = _N.weights[k % len(_N.weights)]
+            following = self.pair.dilatancy(state.mechanism)
+            price = np.maximum((1.0 - w) * price + w * following, 0.0)
+            state = self._priced(price, cap, tolerance)
+        return state
+
+    def _aim(self, gain: float) -> float:
+        """Returns what a member may lose that is lower than another by so much of its load
+        factor."""
+        aim = self.rule.tolerance
+        return min(aim, _N.sure * gain**2) if self.pair.has_cones else aim
+
+    def _loss(self, state: LimitState, held: LimitState) -> float:
+        """Returns what forces lose on the mechanism of friction held at them, over the load factor;
+        below zero it is what both solves lack."""
+        factor = state.load_factor or 0.0
+        return abs((held.load_factor or 0.0) - factor) / self.run.scaling.unit(factor)
+
+    def _random_price(self) -> FloatArray:
+        """Returns random prices (n,)."""
+        unit = float(self.run.contacts.friction.max()) / self.run.scaling.live
+        return self._random_sizes(self.random.choice(_N.prices) * unit)
+
+    def _random_sizes(self, size: float) -> FloatArray:
+        """Returns random numbers (n,) from 0 to ``size``, most of them small."""
+        return np.asarray(size * self.random.uniform(size=len(self.run.contacts)) ** 2)
+
+    def _priced(self, price: FloatArray, cap: float, tolerance: float) -> LimitState | None:
+        """Returns the state of the priced problem; None if the solve fails."""
+        state = self.pair.priced(price, tolerance, cap)
+        return None if state.forces is None or state.load_factor is None else state
+
+    def _held(
+        self, state: LimitState | None, tolerance: float, less: FloatArray | float = 0.0
+    ) -> LimitState | None:
+        """Returns the state with friction held at the given state's compressions, ``less`` that
+        share of them; None without a state, or if the solve fails."""
+        if state is None:
+            return None
+        held = self.pair.held((1.0 - less) * pressed(state), tolerance)
+        return None if held.mechanism is None or held.load_factor is None else held
+
+    # Bounds, checks and reports
 
     def _bound_from_below(self) -> None:
         """Raises the run's lower bound by what least thrusts prove of all solutions. This may take
@@ -218,231 +382,70 @@ class _Search:
         run = self.run
         if not is_covered(run):
             return
-        lowest = self._extreme(1.0)[0].load_factor if self.solutions else run.best.bracket.upper
-        states = (
-            ()
-            if self.verifier.strength.is_internal
-            else tuple((member.forces, member.load_factor) for member, _ in self.solutions)
-        )
+        members = [member for member, _ in self.members]
+        lowest = min((m.load_factor for m in members), default=run.best.bracket.upper)
+        states = [] if self.verifier.strength.is_internal else members
         run.tell("bounding solutions without dilatancy from below")
-        bound = lower_bound(run, lowest, states, max(PATIENCE, run.clock.elapsed))
+        known = [(member.forces, member.load_factor) for member in states]
+        bound = lower_bound(run, lowest, known, max(PATIENCE, run.clock.elapsed))
         if bound.load_factor > 0.0:
             bracket = run.best.bracket.raised(bound.load_factor, True)
             run.best = replace(run.best, bracket=bracket)
         self._report()
 
-    def _bound_by_products(self, settings: Lifted) -> None:
-        """Raises the run's lower bound by what products of forces and rates show, without proof."""
-        run, start = self.run, max(self.run.best.bracket.lower, 0.0)
-        run.tell("bounding solutions by products of forces and rates")
-        lowest = self._extreme(1.0)[0].load_factor
-        for self.products in lifted_bound(run, start, lowest, settings):
-            if self.products.is_bound:
-                bracket = run.best.bracket.raised(self.products.load_factor, False)
-                run.best = replace(run.best, bracket=bracket)
-            self._report()
-
-    def _started(
-        self, label: str, price: FloatArray, iterates: bool
-    ) -> Generator[None, None, CheckedState | None]:
-        """Returns the solution that a start at a price (n,) leads to, through iterates of De Saxce
-        where ``iterates`` is true; None if it leads to none."""
-        before = self.pair.solved
-        state: LimitState | None = self._priced(price, _N.rough)
-        if iterates and state is not None:
-            state = yield from self._iterated(state, price, self.first, _N.rough)
-        if state is None:
-            return None
-        return (yield from self._paired(label, state, before + self.rule.max_iterations))
-
-    def _iterated(
-        self, state: LimitState, price: FloatArray, number: int, tolerance: float
-    ) -> Generator[None, None, LimitState | None]:
-        """Takes so many iterates of De Saxce from a state, in which prices (n,) follow the priced
-        problem's own mechanism, damped. Returns the last state; None if a solve fails."""
-        for k in range(number):
-            w = self.damping[k % len(self.damping)]
-            if state.mechanism is None:
-                return None
-            price = np.maximum((1.0 - w) * price + w * self._price(state.mechanism), 0.0)
-            following = self._priced(price, tolerance)
-            if following is None:
-                return None
-            state = following
-            yield
-        return state
-
-    def _paired(
-        self, label: str, state: LimitState, most: int
-    ) -> Generator[None, None, CheckedState | None]:
-        """Solves both problems of the pair in turn, until forces and mechanism lose no more than
-        the tolerance, and returns the solution. Returns None if a solve fails, or when the run has
-        solved ``most`` problems of pairs."""
-        begun, aim = self.pair.solved, self.rule.tolerance
-        finest = max(_N.exact * aim, _N.finest)
-        loss, before = 1.0, np.inf
-        while self.pair.solved < most:
-            # Friction held at the state's compressions: the loss, and a mechanism.
-            exact = min(max(_N.exact * loss, finest), _N.rough)
-            held = self._held(state, exact)
-            if held is None or held.mechanism is None or state.load_factor is None:
-                return None
-            unit = self.run.scaling.unit(state.load_factor)
-            loss = ((held.load_factor or 0.0) - state.load_factor) / unit
-            # Within the tolerance it is checked; if the checker refuses it, solves become finer.
-            if loss <= aim:
-                both = replace(state, mechanism=held.mechanism)
-                solution = self._checked(both, label, self.pair.solved - begun)
-                if solution is not None:
-                    return solution
-                finest, loss = max(0.1 * finest, _N.finest), min(loss, finest)
-            # Forces at the mechanism's price; where pairs stall, iterates of De Saxce from there.
-            price = self._price(held.mechanism)
-            self.typical = price
-            exact = min(max(_N.exact * loss, finest), _N.rough)
-            stalls = loss > _N.stalls * before
-            before = np.inf if stalls else loss
-            following = self._priced(price, exact)
-            if stalls and following is not None:
-                following = yield from self._iterated(following, price, _N.own, exact)
-            if following is None:
-                return None
-            state = following
-            yield
-        return None
-
-    def _walked(self, sign: float, number: int) -> Generator[None]:
-        """Walks in ``number`` pairs in all, down (``sign`` 1) or up (``sign`` -1).
-
-        A walk alternates between forces that are extreme on a mechanism and a mechanism of these
-        forces; every second pair is random by a little. It ends at a solution. Solutions that it
-        passes on the way are kept if they are more extreme than all before: the lowest ones are
-        found like this, since the next step leaves a mechanism's extreme forces again.
-        """
-        aim = self.rule.tolerance
-        exact = _N.exact * aim
-        for walk in range(-(-number // _N.walk)):
-            begun = self.pair.solved
-            # Walks begin at the most extreme solution and at random prices in turn, every fourth of
-            # the former at any solution: otherwise a chance find would hold all of them.
-            state: LimitState | None = self._extreme(sign)[1]
-            if walk % 8 == 6:
-                state = self.solutions[self.random.integers(len(self.solutions))][1]
-            label = f"{'descent' if sign > 0.0 else 'ascent'} {walk + 1}"
-            if walk % 2 == 1:
-                scale = _N.scales[walk // 2 % len(_N.scales)]
-                forces = self._priced(self._random_price(scale), _N.rough)
-                state = self._with_mechanism(forces, exact)
-            size = _N.pushes[walk // 2 % len(_N.pushes)]
-            for step in range(min(_N.walk, number - walk * _N.walk)):
-                if state is None or state.mechanism is None:
-                    break
-                self.tried += 1
-                # Forces that are extreme on the mechanism: its price a little too high for low
-                # ones, too low for high ones.
-                price = (1.0 + sign * size) * self._price(state.mechanism)
-                push = size if step % 2 == 1 else 0.0
-                unit = self.run.scaling.unit(state.load_factor or 0.0) / self.run.scaling.force
-                forces = self._priced(price + self._random_sizes(push * unit), exact)
-                # A mechanism of these forces.
-                state = self._with_mechanism(forces, exact, 1.0 - self._random_sizes(push))
-                # Without random changes both may be a solution, kept if it is the most extreme.
-                if state is not None and push == 0.0:
-                    factor, most = state.load_factor or 0.0, self._extreme(sign)[0].load_factor
-                    if sign * (most - factor) > aim * self.run.scaling.unit(most):
-                        self._checked(state, label, self.pair.solved - begun)
-                yield
-            # The solution at the end of the walk.
-            if state is not None:
-                most = self.pair.solved + self.rule.max_iterations // 4
-                yield from self._paired(label, state, most)
-
-    def _with_mechanism(
-        self, forces: LimitState | None, tolerance: float, share: FloatArray | float = 1.0
-    ) -> LimitState | None:
-        """Returns a state with forces and the mechanism of friction held at a ``share`` of their
-        compressions; None if there are no forces, or a solve fails."""
-        held = None if forces is None else self._held(forces, tolerance, share)
-        return None if forces is None or held is None else replace(forces, mechanism=held.mechanism)
-
-    def _extreme(self, sign: float) -> CheckedState:
-        """Returns the lowest solution (``sign`` 1) or the highest (``sign`` -1)."""
-        return min(self.solutions, key=lambda solution: sign * solution[0].load_factor)
-
-    def _price(self, mechanism: FloatArray) -> FloatArray:
-        """Returns the price (n,) of a mechanism (free, 6)."""
-        return self.pair.dilatancy(mechanism)
-
-    def _random_price(self, scale: float) -> FloatArray:
-        """Returns random prices (n,) of a scale over the typical one: mostly small, some large."""
-        natural = _N.natural * float(self.run.contacts.friction.max()) / self.run.scaling.live
-        return self._random_sizes(scale * (natural if self.typical is None else self.typical.max()))
-
-    def _random_sizes(self, size: float) -> FloatArray:
-        """Returns random numbers (n,) from 0 to ``size``, most of them small."""
-        return np.asarray(size * self.random.uniform(size=len(self.run.contacts)) ** 2)
-
-    def _priced(self, price: FloatArray, tolerance: float) -> LimitState | None:
-        """Returns the state of the priced problem; None if the solve fails."""
-        state = self.pair.priced(price, tolerance)
-        return None if state.forces is None else state
-
-    def _held(
-        self, state: LimitState, tolerance: float, share: FloatArray | float = 1.0
-    ) -> LimitState | None:
-        """Returns the state with friction held at a ``share`` of the given state's compressions;
-        None if the solve fails."""
-        held = self.pair.held(share * pressed(state), tolerance)
-        return None if held.mechanism is None or held.load_factor is None else held
-
-    # Checks and reports
-
     def _checked(self, state: LimitState, label: str, iterations: int) -> CheckedState | None:
-        """Checks a state's forces and mechanism. Returns the solution and keeps it if its residual
-        is within the tolerance; otherwise returns None."""
+        """Checks a state's forces and mechanism. Returns the member and keeps it if its residual is
+        within the tolerance; otherwise returns None."""
         with self.run.clock.phase("certify"):
             member = self.verifier.member(state, label, iterations)
         if member is None or member.residual > self.rule.tolerance:
             return None
-        self.solutions.append((member, state))
+        self.members.append((member, state))
         self._report()
         return member, state
 
+    def _record(self, seed: int, lowest: CheckedState | None, is_gain: bool) -> None:
+        """Records how far the search under way has come, and tells it."""
+        solves, before = self.pair.solved - self.begun, self.done[-1]
+        factor = None if lowest is None else lowest[0].load_factor
+        self.done[-1] = Search(seed, factor, solves, solves if is_gain else before.last_gain)
+        far = f"search {len(self.done)} of {self.number}, {solves} of {self.rule.budget} solves"
+        if self.run.best.load_factor is None:
+            self.run.tell(f"{far}: no solution without dilatancy yet")
+        else:
+            self.run.tell(f"{far}: lowest so far {rounded(self.run.best.load_factor)}")
+        self._report()
+
     def _report(self) -> None:
-        """Writes the remark and the answer of the run as they are now."""
-        # The bounds of all solutions, in words.
-        members = sorted((member for member, _ in self.solutions), key=lambda m: m.load_factor)
-        bracket = self.run.best.bracket
-        by = "least thrusts"
-        if self.products is not None and self.products.is_bound:
-            by = f"products of forces and rates ({self.products})"
+        """Writes the remarks and the answer of the run as they are now."""
+        run, members = self.run, sorted((m for m, _ in self.members), key=lambda m: m.load_factor)
+        bracket, remarks = run.best.bracket, []
+        run.best = replace(run.best, searches=tuple(self.done))
+        if members:
+            best, state = min(self.members, key=lambda found: found[0].load_factor)
+            internal = state.internal if self.verifier.strength.is_internal else None
+            run.best = Answer(
+                best.load_factor, bracket, best.forces, best.mechanism, tuple(members),
+                internal=internal, searches=tuple(self.done),
+            )  # fmt: skip
+            span = " to ".join(rounded(m.load_factor) for m in (members[0], members[-1]))
+            number = f"{len(members)} solutions" if len(members) > 1 else "one solution"
+            worst = f"each to {max(m.residual for m in members):.0e} of its load factor"
+            remarks.append(f"{number} without dilatancy found, {span}, {worst}")
+            is_proved = best.load_factor <= bracket.lower + self.rule.tolerance * bracket.unit
+            remarks.append("no solution is lower" if is_proved else agreement(self.done))
+            remarks.append(about_zero(best.load_factor, members[-1].load_factor))
+        else:
+            remarks.append(
+                "no solution without dilatancy was found, which does not say that there is none; "
+                f"in {self.pair.solved} problems the smallest loss was {self.smallest:.1e} of the "
+                "load factor: search on with --searches, --seed or --budget"
+            )
         named_ends = (
-            (bracket.lower, f"none is below {rounded_down(bracket.lower)}, by {by}"),
+            (bracket.lower, f"none is below {rounded_down(bracket.lower)}, by least thrusts"),
             (bracket.upper, f"none above {rounded_up(bracket.upper)}, by associated friction"),
         )
         ends = " and ".join(words for end, words in named_ends if np.isfinite(end))
-        above = f"; the bracket is one of all solutions without dilatancy: {ends}" if ends else ""
-        # The solutions found, and whether there may be lower ones.
-        tried = f"{self.rule.starts - self.failed} of {self.rule.starts} starts"
-        if members:
-            span = " to ".join(rounded(m.load_factor) for m in (members[0], members[-1]))
-            further = f" and {self.tried} tries further down and up" if self.tried else ""
-            is_lowest = members[0].load_factor <= bracket.lower + self.rule.tolerance * bracket.unit
-            unknown = "" if is_lowest else "; whether there are lower ones is not known"
-            remark = (
-                f"{len(members)} zero-dilatancy solutions from {span}, "
-                f"from {tried}{further}{above}{unknown}"
-            )
-        else:
-            remark = f"no zero-dilatancy solution was found from {tried}{above}"
-        self.run.remarks = [remark]
-        if self.products is not None and not self.products.is_bound:
-            self.run.remarks.append(f"no bound by products: {self.products}")
-        # The answer: the lowest solution, with all of them as members.
-        if members:
-            best, state = self._extreme(1.0)
-            internal = state.internal if self.verifier.strength.is_internal else None
-            self.run.best = Answer(
-                best.load_factor, bracket, best.forces, best.mechanism, tuple(members),
-                internal=internal,
-            )  # fmt: skip
+        if ends:
+            remarks.append(f"the bracket is one of all solutions without dilatancy: {ends}")
+        run.remarks = [*filter(None, remarks)]
