@@ -58,8 +58,9 @@ def test_a_block_slides_to_the_end_of_its_bed_and_falls(is_turned: bool) -> None
     assert path.load_factor[slides] == pytest.approx(0.3, abs=1e-8)
     up = TURNED[:, 2] if is_turned else np.array([0.0, 0.0, 1.0])
     assert rises(replace(path, configurations=path[:5]), up) < 1e-8
-    assert path.d0 == pytest.approx(0.5, abs=1e-8)
-    assert path.slides
+    assert path.w[-1] == pytest.approx(0.5, abs=1e-8)
+    assert path.slides_away
+    assert "'bed'-'b' slides" in path.reason
     assert "without dilatancy" in path.notes[0]
     assert max(x.loss for x in path) < 1e-8
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,11 @@ import pytest
 from PIL import Image
 from tests.kit.browser import HEIGHTS, RIGHT, UP, VIEWS, Browser, browser
 
-from cvxlimit import Block, Load, PointForce, Scene, builtin_scene, plotting, solve
+from cvxlimit import Block, Load, PointForce, Scene, Status, builtin_scene, plotting, solve
 from cvxlimit.plotting.domains import domain_page
 from cvxlimit.plotting.movement import moved_by, points_moved
 from cvxlimit.plotting.picture import drawn_mesh
+from cvxlimit.scene.loads import combined
 from cvxlimit.studies import load_domain
 from turning import ANGLES, turning, wall
 
@@ -134,6 +136,7 @@ class TestEveryPage:
 
 
 DOMAINS = ("flat", "nested", "solid")
+PROVED = ("carried: proved point", "carried: mirror image of one, checked as well")
 
 
 def luminance(colour: str) -> float:
@@ -320,6 +323,29 @@ class TestViewer:
 # --- load domains --------------------------------------------------------------------------------
 
 
+def _leaning() -> tuple[Scene, Any]:
+    """A block that leans on a wall at its back."""
+    behind = Block.box("behind", (-1, 0, 0), (0, 1, 2))
+    return Scene((GROUND, behind, LEFT), ("ground", "behind"), PUSH, friction=0.5), None
+
+
+def _pressed() -> tuple[Scene, Any]:
+    """A block on a slope it slides down, unless it is pressed: the dead load is not in the set."""
+    slope = Load(gravity=(0.5, 0.0, -np.sqrt(0.75)))
+    scene = Scene((GROUND, LEFT), ("ground",), PUSH, slope, friction=0.3)
+    return scene, {"push": PUSH, "force": Load(forces={"left": (0, 0, -3, 0, 0, 0)})}
+
+
+def _flat() -> tuple[Scene, Any]:
+    """Without friction weight may be added, and nothing else."""
+    scene = Scene((GROUND, LEFT), ("ground",), PUSH, friction=0.0)
+    return scene, {"push": PUSH, "weight": Load(acceleration=(0, 0, -1))}
+
+
+SETS = {"tuff wall": lambda: (builtin_scene("tuff-wall"), None), "leaning": _leaning,
+        "pressed": _pressed, "flat": _flat}  # fmt: skip
+
+
 class TestDomain:
     @pytest.mark.parametrize("width", HEIGHTS)
     def test_places_are_read_by_keys(self, width: int, tab, pages) -> None:
@@ -353,12 +379,12 @@ class TestDomain:
     @pytest.mark.parametrize("name", ["flat", "solid"])
     def test_proved_points_are_stepped_through(self, name: str, tab, pages) -> None:
         tab.opened(pages[name], 1280, "light")
-        known = np.array(tab.run("return solved.map((s) => s.at)"))
+        known = np.array(tab.run("return framed.map((s) => s.at)"))
         read = []
         for _ in range(len(known)):
             tab.run("document.dispatchEvent(new KeyboardEvent('keydown', {key: 'n'}))")
             said = tip(tab)
-            assert said.endswith("carried: proved at this point")
+            assert said.rpartition("\n")[2] in PROVED
             read.append([float(line.split()[-1]) for line in said.split("\n")[:-1]])
         np.testing.assert_allclose(read, known, rtol=1e-3, atol=1e-9)
 
@@ -376,6 +402,58 @@ class TestDomain:
         tab.press(RIGHT)
         lines = tip(tab).split("\n")
         assert lines[2:] == ["conic: carried", "octagon: carried"]
+
+    @pytest.mark.parametrize("name", SETS)
+    def test_far_outside_the_frame_it_says_what_the_domain_and_a_solve_say(
+        self, name: str, tab, tmp_path: Path
+    ) -> None:
+        """Twenty random directions, at a third of a frame, one, ten and a thousand: what a solve
+        with these loads beside the dead load says stands, four of them under the pointer itself."""
+        scene, loads = SETS[name]()
+        domain = load_domain(scene, loads, 0.01, progress=False)
+        page = tmp_path / "set.html"
+        domain.plot(str(page))
+        tab.opened(page, 1280, "light")
+        size, rng, agreed = np.abs(domain.frame).max(axis=0), np.random.default_rng(54), 0
+        words = {"carried": "carried", "not carried": "ruled out", "open": "between: not decided"}
+        for k, way in enumerate(rng.normal(size=(20, 2)) * size):
+            if domain.contains((0, 0)) == "carried":
+                found = solve(scene.with_live(combined(list(domain.loads.values()), way)))
+                is_unbounded = str(domain.load_factor(way)) == "unbounded"
+                assert is_unbounded == (found.status is Status.LIVE_LOAD_HARMLESS)
+            for at in np.multiply.outer([0.3, 1.0, 10.0, 1e3], way):
+                said = domain.contains(at)
+                assert tab.run("return describe(arguments[0])", at.tolist()).endswith(words[said])
+                load = combined([scene.dead, *domain.loads.values()], [1.0, *at])
+                found = solve(replace(scene, dead=load))
+                stands = found.status is not Status.DEAD_LOAD_UNSTABLE and found.interval is None
+                agreed += said == ("carried" if stands else "not carried")
+                assert said in ("open", "carried" if stands else "not carried"), at
+            if k < 4:
+                tab.run("camera.zoom = arguments[0]; draw()", 0.05)
+                at = (5.0 * way).tolist()
+                x, y, _ = tab.run("return projection().to(arguments[0])", at)
+                wide, high = tab.run("return [stage.clientWidth, stage.clientHeight]")
+                tab.point("#overlay", (x / wide, y / high))
+                read = np.array([float(line.split()[-1]) for line in tip(tab).split("\n")[:2]])
+                assert np.abs(read - at).max() < 0.05 * np.abs(at).max()
+                assert tip(tab).split("\n")[-1] == words[domain.contains(read)]
+        assert agreed >= 76  # of 80: few places are left open
+        assert tab.complaints == []
+
+    def test_no_line_closes_what_goes_on(self, tab, tmp_path: Path) -> None:
+        """The left of a tuff wall's domain has no end: as far as the page shows, now or later,
+        there is the same colour up to its edge, and no line along it."""
+        page = tmp_path / "open.html"
+        load_domain(builtin_scene("tuff-wall"), progress=False).plot(str(page))
+        for zoom in (1.0, 0.1, 0.01):
+            tab.opened(page, 1280, "light")
+            tab.run("camera.zoom = arguments[0]; draw()", zoom)
+            left, foot = (round(x) for x in tab.run(
+                "const v = projection(); return [v.frame[0], v.to([0, 0])[1]]"))  # fmt: skip
+            row = pixels(tab, "scene")[foot - 5, left + 1 : left + 12, :3]
+            assert np.ptp(row, axis=0).max() == 0.0
+            assert row.mean() < 240.0
 
     def test_a_solid_is_turned(self, tab, pages) -> None:
         tab.opened(pages["solid"], 390, "dark")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pickle
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -146,6 +148,69 @@ def test_a_wall_behind_takes_any_push() -> None:
     assert domain.load_factor((-1, 0)).lower == np.inf
     assert domain.load_factor((1, 0)).width <= 0.02
     assert_agrees(domain, scene, around(domain, 6))
+
+
+UNBOUNDED = {
+    "leaning": (held_block(), None), "pressed": (block(), {"x": X, "z": Z}),
+    "pressed on a slope": (block(1.0, 0.3, TILTED), {"x": X, "z": Z}),
+    "tuff wall": (builtin_scene("tuff-wall"), None),
+    "in space": (block(1.0, 0.5), {"x": X, "y": Y, "z": Z}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNBOUNDED)
+def test_what_has_no_end_is_carried_and_ruled_out_as_far_as_anyone_asks(name: str) -> None:
+    """In twenty random directions, up to a million times their natural size: the dead load with
+    these loads beside it stands, or it does not."""
+    scene, loads = UNBOUNDED[name]
+    domain, told = domain_of(scene, loads, tolerance=0.05), []
+    rng = np.random.default_rng(4)
+    for direction in around(domain, 20, seed=3):
+        bracket = domain.load_factor(direction)
+        assert (str(bracket) == "unbounded") == (bracket.lower == np.inf)
+        far = 100.0 if name == "tuff wall" else 10.0 ** rng.uniform(2.0, 6.0)
+        load = combined([scene.dead, *domain.loads.values()], [1.0, *far * direction])
+        found = solve(replace(scene, dead=load, live=Load(acceleration=(1, 2, 0))))
+        stands = found.status is not Status.DEAD_LOAD_UNSTABLE and found.interval is None
+        told.append(domain.contains(far * direction))
+        assert told[-1] in ("open", "carried" if stands else "not carried"), (far, direction)
+    assert told.count("open") <= 0.05 * len(told)
+
+
+def test_unbounded_and_nothing_are_words_and_unknown_is_a_question_mark() -> None:
+    extent = domain_of(held_block(), tolerance=0.1).extent()
+    assert extent["-a_x"] == "unbounded"
+    assert extent["a_x"].startswith("[0.5")
+    beside = domain_of(block(1.0, 0.3, TILTED)).extent()  # only a push up the slope holds it
+    assert beside["a_y"] == beside["-a_y"] == "none"
+    assert beside["-a_x"].startswith("[0.75")
+    begun = domain_of(held_block(), tolerance=0.1)
+    begun = replace(begun, supports=begun.supports[:1])
+    assert begun.extent()["a_y"] == "[?, ?]"
+    assert begun.extent()["-a_x"].endswith(", ?]")
+
+
+@pytest.mark.parametrize("name", ["leaning", "pressed on a slope", "tuff wall"])
+def test_a_picture_shows_what_the_domain_says_up_to_its_edges(name: str) -> None:
+    """Every place of the picture is in the dark area if it is carried, and in none if it is ruled
+    out; lines that end a set in the picture end it in truth; and what has an end takes its part."""
+    domain = domain_of(*UNBOUNDED[name], tolerance=0.01)
+    axes = domain.plot().axes[0]
+    low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
+    outer, inner = (patch.get_path() for patch in axes.patches)
+    places = np.random.default_rng(1).uniform(low, high, (300, 2))
+    for place in places:
+        said = domain.contains(place)
+        assert inner.contains_point(place) == (said == "carried")
+        assert outer.contains_point(place) == (said != "not carried")
+    for line in (inner.vertices, outer.vertices):
+        for start, end in pairwise(line):
+            middle = 0.5 * (start + end)
+            if ((middle > low) & (middle < high)).all():
+                assert domain.contains(middle + 0.02 * (middle - places.mean(axis=0))) != "carried"
+    ends = [domain.load_factor(way).upper for way in (*np.eye(2), *-np.eye(2))]
+    about = np.linalg.norm(domain.points, axis=1).min() * (domain.contains((0, 0)) != "carried")
+    assert (high - low).max() < 8.0 * max(about, *filter(np.isfinite, ends))  # six, and a margin
 
 
 def test_a_third_load_that_adds_nothing() -> None:

@@ -103,8 +103,7 @@ def _summary(domain: LoadDomain, written: Sequence[str]) -> Table:
         [
             ("scene", domain.scene_name),
             ("surface", kind),
-            *((f"largest {name}", f"[{low}, {high}]")
-              for name, (low, high) in domain.extent().items()),
+            *((f"largest {name}", found) for name, found in domain.extent().items()),
             ("largest gap", f"{said} along ({along}), asked: {domain.tolerance:g}"
              if domain.is_convex else "nothing is said between points"),
             ("points", f"{len(domain.points)}, half-spaces {len(domain.offsets)}"),

@@ -124,16 +124,14 @@ def _control(text: str | None) -> tuple[str, tuple[float, ...]] | None:
 def _summary(path: Displacements, written: list[str]) -> Table:
     unit, initial = path.scene.units.length, path.initial
     widths = _widths(path)
-    low, high = (rounded(d0, 6) for d0 in path.d0_interval)
-    d0 = f"{low} to {high} {unit}, by the step" if low != high else f"{low} {unit}"
     return facts(
         [
             ("scene", path.scene.name),
             ("load factor", f"{rounded(initial.load_factor or 0.0)} in {initial.bracket}, friction "
              "over whole joints"),
             ("on the path", f"{rounded(path.load_factor[0])} at rest, friction at points"),
-            ("end", f"{path.status}: {path.reason}"),
-            ("zero at", d0 if low != "?" else ""),
+            ("in short", path.headline),
+            ("end", path.status + f": {path.reason}" * (path.reason != path.headline)),
             ("snaps at", ", ".join(f"w = {w:.6g} {unit}" for w in path.snaps)),
             ("flow", f"{path.flow}; joints slide" if path.slides else "joints rock"),
             ("brackets", f"{len(widths)} of {len(path)} configurations, widest "
@@ -160,7 +158,7 @@ def _table(path: Displacements) -> Table:
 
 
 def _verdict(path: Displacements) -> ExitCode:
-    if path.status not in ("zero", "falls", "blocked"):
+    if path.status not in ("zero", "falls", "blocked") and path.reason != path.headline:
         return refuse(ExitCode.NOT_GOOD_ENOUGH, f"{path.status}: {path.reason}")
     if path.halved is not None and path.halved.status == "interrupted":
         return refuse(ExitCode.NOT_GOOD_ENOUGH, f"with half the step {path.halved.reason}")

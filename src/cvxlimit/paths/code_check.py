@@ -24,6 +24,8 @@ from cvxlimit.solution.kinematics import VISIBLE, corner_speeds
 
 SOURCE = "after Circolare 7/2019, C8.7.1: a transcription, to be compared with the code in force"
 
+_OF_DISPLACEMENT = ("d0", "d_SLV", "T_SLV", "d_SLC", "T_SLC")
+
 _LEVEL = 1e-6
 """Share of the live load that may act along gravity: a direction in a scene file has seven digits
 or more."""
@@ -75,9 +77,13 @@ class CodeCheck:
     pieces : tuple of (int, int)
         Rows of the curve, from and to, between which the structure does not jump.
     d0, ends : float, str
-        Spectral displacement at which the acceleration is zero, and why it is.
-    slv, slc : Limit
-        Both limit states; also ``d_SLV``, ``T_SLV``, ``d_SLC``, ``T_SLC``.
+        Spectral displacement at which the acceleration is zero, and why it is; NaN where
+        ``refused``.
+    slv, slc : Limit or None
+        Both limit states; also ``d_SLV``, ``T_SLV``, ``d_SLC``, ``T_SLC``, which are NaN without.
+    refused : str
+        Of a path whose load factor stays level because joints slide: why it has no displacements to
+        check, and ``a0_star`` alone holds. Empty of others.
     notes : tuple of str
         Those of the path: where joints slide, its load factors depend on the step; and which step
         the check is of.
@@ -103,35 +109,37 @@ class CodeCheck:
     pieces: tuple[tuple[int, int], ...]
     d0: float
     ends: str
-    slv: Limit
-    slc: Limit
+    slv: Limit | None
+    slc: Limit | None
     notes: tuple[str, ...] = ()
+    refused: str = ""
 
     @property
     def d_SLV(self) -> float:  # noqa: N802  # the code's own names
         """Spectral displacement at SLV."""
-        return self.slv.displacement
+        return self.slv.displacement if self.slv else float("nan")
 
     @property
     def d_SLC(self) -> float:  # noqa: N802
         """Spectral displacement at SLC."""
-        return self.slc.displacement
+        return self.slc.displacement if self.slc else float("nan")
 
     @property
     def T_SLV(self) -> float:  # noqa: N802
         """Period at SLV."""
-        return self.slv.period
+        return self.slv.period if self.slv else float("nan")
 
     @property
     def T_SLC(self) -> float:  # noqa: N802
         """Period at SLC."""
-        return self.slc.period
+        return self.slc.period if self.slc else float("nan")
 
     @property
-    def rows(self) -> list[tuple[str, float, str, str]]:
-        """Symbol, value, unit and meaning of every quantity, as a report lists them."""
-        length, a, slv, slc = self.units.length, f"{self.units.length}/s2", self.slv, self.slc
-        return [
+    def rows(self) -> list[tuple[str, float | None, str, str]]:
+        """Symbol, value, unit and meaning of every quantity, as a report lists them; None for those
+        that are refused."""
+        length, a = self.units.length, f"{self.units.length}/s2"
+        rows: list[tuple[str, float | None, str, str]] = [
             ("FC", self.confidence_factor, "", "confidence factor"),
             ("g", self.g, a, "gravity"),
             ("sum P", self.weight, self.units.force, "weight of the blocks that move"),
@@ -139,14 +147,19 @@ class CodeCheck:
             ("a0*", self.a0_star, a, "alpha_0 g / (e* FC)"),
             ("a SLD", self.a0_star, a, "linear check: most that is allowed at SLD"),
             ("a SLV", self.q * self.a0_star, a, f"linear check: q a SLD, q = {self.q:g}"),
-            ("d0", self.d0, length, self.ends),
-            ("d_SLV", slv.displacement, length, slv.basis),
-            ("a(d_SLV)", slv.acceleration, a, "of the capacity curve"),
-            ("T_SLV", slv.period, "s", "1.68 pi sqrt(d_SLV / a(d_SLV))"),
-            ("d_SLC", slc.displacement, length, slc.basis),
-            ("a(d_SLC)", slc.acceleration, a, "of the capacity curve"),
-            ("T_SLC", slc.period, "s", "1.56 pi sqrt(d_SLC / a(d_SLC))"),
         ]
+        if self.refused:
+            return [*rows, (", ".join(_OF_DISPLACEMENT), None, "", self.refused)]
+        rows.append(("d0", self.d0, length, self.ends))
+        for name, limit, share in (("SLV", self.slv, 1.68), ("SLC", self.slc, 1.56)):
+            if limit is not None:
+                period = f"{share} pi sqrt(d_{name} / a(d_{name}))"
+                rows += [
+                    (f"d_{name}", limit.displacement, length, limit.basis),
+                    (f"a(d_{name})", limit.acceleration, a, "of the capacity curve"),
+                    (f"T_{name}", limit.period, "s", period),
+                ]
+        return rows
 
     def to_dataframe(self) -> Any:
         """The report as a table: ``quantity``, ``value``, ``unit``, ``meaning``.
@@ -165,10 +178,13 @@ class CodeCheck:
     def caveats(self) -> tuple[str, ...]:
         """What whoever uses the numbers has to know, a sentence each."""
         kind = "displacements are spectral, of the equivalent oscillator: not those of the path"
-        return (kind, *self.notes, SOURCE)
+        return (*[kind] * (not self.refused), *self.notes, SOURCE)
 
     def __str__(self) -> str:
-        rows = [(name, f"{value:.6g} {unit}", said) for name, value, unit, said in self.rows]
+        rows = [
+            (name, "none" if value is None else f"{value:.6g} {unit}", said)
+            for name, value, unit, said in self.rows
+        ]
         wide = [max(len(row[k]) for row in rows) for k in (0, 1)]
         lines = (f"{a:{wide[0]}}  {b:{wide[1]}}  {c}" for a, b, c in rows)
         return "\n".join([f"code check of {self.scene_name!r}", *lines, *self.caveats])
@@ -241,13 +257,16 @@ def code_check(
     weight, rate = _moving(path, along, groups)
     total, first, second = weight.sum(), weight @ rate, weight @ rate**2
     over = f"{path.load_factor[0] / (path.initial.load_factor or np.inf) - 1.0:+.1%}"
-    path, notes = _finer(path)
+    whole, (path, notes) = path, _finer(path)
+    refused = next((x.headline for x in (whole, path) if x.slides_away), "")
+    if path.slides and not refused:
+        notes = (f"on the path {path.headline}", *notes)
     if over[1:] != "0.0%":
         notes = (*notes, f"friction acts at points, which changes a0* by {over} against solve's")
     e_star = first**2 / (total * second)
     spectral = second / (_at_control(path, along) * first)  # displacement over the control point's
     times = size * gravity / (e_star * factor)  # acceleration over the load factor
-    d0, ends = _end(path)
+    d0, ends = (np.nan, "") if refused else _end(path)
 
     half = 0.5 * path.load_factor.max()
     drops = [k for _, k in path.pieces[:-1] if path.load_factor[k - 1] - path.load_factor[k] > half]
@@ -261,11 +280,12 @@ def code_check(
         a, d = times * found.load_factor, spectral * at
         return Limit(float(d), float(a), float(period * np.pi * np.sqrt(d / a)), basis, found)
 
+    slv, slc = (None, None) if refused else (limit(0.4, 1.68), limit(0.6, 1.56))
     return CodeCheck(
         scene.name, scene.units, factor, gravity, positive(q, "q"), float(total), float(e_star),
         float(times * path.load_factor[0]), spectral * path.displacement,
         times * path.load_factor, path.pieces, float(spectral * d0), ends,
-        limit(0.4, 1.68), limit(0.6, 1.56), notes,
+        slv, slc, notes, refused,
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load
 from cvxlimit.solution import Solution
 from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.kinematics import VISIBLE
 
 Flow = Literal["associated", "zero-dilatancy"]
 Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted"]
@@ -32,6 +34,11 @@ SLIDING = 1e-3
 
 CLOSED = 1e-6
 """Gap, over the contact size, up to which a point is closed."""
+
+LEVEL = 0.1
+"""A curve is level where it falls less than a tenth as fast as on the whole way, and a path slides
+away where that lasts for a tenth of the way while a tenth of what joints move by is slip. What
+rocks falls at half to twice that pace; what slides is level until a support ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,6 +222,7 @@ class Path:
         first, last = self.load_factor[0], self.load_factor[-1]
         low, high = self.d0_interval
         both = f", d0 {low:.4g} to {high:.4g} by the step" if low < high else ""
+        both = ", slides: no d0" if self.slides_away else both
         return (
             f"Path({self.scene.name!r}: {len(self) - 1} steps, load factor {first:.5g} to "
             f"{last:.5g}, {self.status}{both})"
@@ -246,9 +254,109 @@ class Path:
         return np.array([c.displacements[block][:3] @ along for c in self.configurations])
 
     @cached_property
+    def in_joints(self) -> tuple[dict[str, tuple[float, float]], ...]:
+        """How far joints that bear slide in each step (steps,), and how far they turn across the
+        typical contact size, by both blocks' names."""
+        size, still, made = self.scene.contacts.typical_size, np.zeros(6), []
+        names = [block.id for block in self.scene.blocks]
+        for before, here in pairwise(self.configurations):
+            p, n, step = here.points, here.forces[:, 0], dict[str, tuple[float, float]]()
+            moved = {name: d - before.displacements[name] for name, d in here.displacements.items()}
+            for i in np.flatnonzero(n > CLOSED * n.max(initial=0.0)).tolist():
+                one, other = names[p.a[i]], names[p.b[i]]
+                turn = (moved.get(other, still) - moved.get(one, still))[3:]
+                joint, slip = f"{one!r}-{other!r}", float(np.linalg.norm(p.slip[i]))
+                slip = max(slip, step.get(joint, (0.0,))[0])
+                step[joint] = slip, float(np.linalg.norm(turn)) * size
+            made.append(step)
+        return tuple(made)
+
+    @cached_property
+    def _moved(self) -> FloatArray:
+        """Slip and turn of all joints together, up to where nothing is carried any more
+        (steps, 2)."""
+        sums = [np.sum([*step.values()], axis=0) if step else (0.0, 0.0) for step in self.in_joints]
+        return np.array(sums).reshape(-1, 2)[: self._last]
+
+    @property
+    def slip_share(self) -> float:
+        """The share of slip in what joints slide and turn up to :attr:`d0` or the end: 0 of what
+        only rocks, 1 of what only slides."""
+        slip, turn = self._moved.sum(axis=0)
+        return float(slip / (slip + turn)) if self.slides and slip > 0.0 else 0.0
+
+    @cached_property
+    def slides_away(self) -> bool:
+        """True if the load factor stays level because joints slide: such a path has no d0, since it
+        ends where supports were drawn to end."""
+        w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
+        # What slides at first and does not turn stays as it is, whatever steps show of it.
+        rates, dilatancy = (
+            np.array([*(self.initial.mechanism or {}).values()]),
+            self.initial.dilatancy,
+        )
+        if len(rates) and dilatancy is not None and dilatancy.share > LEVEL:
+            shift, turn = (np.linalg.norm(rates[:, k : k + 3], axis=1).max() for k in (0, 3))
+            still = turn * self.scene.contacts.typical_size <= VISIBLE * shift
+            if still and alpha.max() <= (1.0 + LEVEL) * alpha[0]:
+                return True
+        if not self.slides or not self._last:
+            return False
+        slip, turn = self._moved.T
+        least = max(LEVEL * (alpha[0] - alpha[-1]), SLIDING * abs(alpha[0])) / w[-1]
+        is_level = -np.diff(alpha) < least * np.diff(w)
+        return bool(np.diff(w)[is_level & (slip > LEVEL * (slip + turn))].sum() > LEVEL * w[-1])
+
+    @cached_property
+    def sliding_joints(self) -> dict[str, float]:
+        """How far joints have slid in all, by both blocks' names, the farthest first; without those
+        that have slid less than a tenth as far as that."""
+        found: dict[str, float] = {}
+        for step in self.in_joints:
+            for name, (far, _) in step.items():
+                found[name] = found.get(name, 0.0) + far
+        order = sorted(found, key=lambda name: -found[name])
+        return {name: found[name] for name in order if found[name] > LEVEL * found[order[0]] > 0.0}
+
+    @property
+    def headline(self) -> str:
+        """What the path says in one sentence, and what it does not."""
+        unit, joints = self.scene.units.length, list(self.sliding_joints)
+        which = ", ".join(joints[:3]) + (f" and {len(joints) - 3} more" if joints[3:] else "")
+        which = f"joint{'s' * (len(joints) != 1)} {which}".rstrip()
+        if self.slides_away:
+            slide = "slides" if len(joints) == 1 else "slide"
+            return (
+                f"a load factor of {self.load_factor[0]:.5g} moves it, and there is no d0: {which} "
+                f"{slide}, the load factor stays level, and such a path ends where a support was "
+                "drawn to end, which is no capacity of displacement"
+            )
+        low, high = (f"{d0:.4g}" for d0 in self.d0_interval)
+        end = f"zero at d0 = {low}" + (f" to {high}" if low != high else "") + f" {unit}"
+        if low == "nan":
+            end = f"no d0: it ends at a load factor of {self.load_factor[-1]:.4g}"
+        if len(self) == 1:
+            return end
+        if not self.slides:
+            return f"{end}: blocks rock, and no joint slides from step to step"
+        return (
+            f"{end}, and {100.0 * self.slip_share:.0f} % of the displacement in joints is slip "
+            f"({which}): it depends on the step, and is no bound"
+        )
+
+    @property
+    def _last(self) -> int:
+        """Row where the load factor is first zero, or the last one."""
+        zero = (SLIDING if self.slides else ZERO) * abs(self.load_factor[0])
+        return int([*np.flatnonzero(self.load_factor <= zero), len(self) - 1][0])
+
+    @cached_property
     def d0(self) -> float:
-        """Displacement at which the load factor is first zero; NaN where the path ends before. On
-        the chord to the last one above zero where iterates between them did not settle."""
+        """Displacement at which the load factor is first zero; NaN where the path ends before, or
+        :attr:`slides_away`. On the chord to the last one above zero where iterates between them did
+        not settle."""
+        if self.slides_away:
+            return float("nan")
         zero = (SLIDING if self.slides else ZERO) * abs(self.load_factor[0])
         found = np.flatnonzero(self.load_factor <= zero)
         if not len(found):

@@ -79,7 +79,8 @@ def pushover(
     Returns
     -------
     Path
-        Where it was interrupted, up to there.
+        Where it was interrupted, up to there. Where its load factor stays level because joints
+        slide (``path.slides_away``), its ``reason`` names these, and it has no ``d0``.
 
     Raises
     ------
@@ -154,6 +155,9 @@ def pushover(
         )  # fmt: skip
 
     path = replace(follow(step, begin), halved=None)
+    if path.slides_away:  # smaller steps lead to the same end of a support
+        is_there = path.status in ("zero", "falls", "blocked", "not-converged")
+        return replace(path, reason=path.headline if is_there else path.reason)
     if not (path.slides and is_own):
         return path
     # Every step of the path in two, where the package has chosen them, until that changes little.

@@ -23,6 +23,12 @@ _COLOURS = ("#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4")
 _ALIKE = 0.2
 """Natural units of two loads that differ by less than this share have one scale."""
 
+_POINT, _POINTS = "#555555", ("proved point", "mirror image of one, checked as well")
+
+_ADVICE = "What lies inside is carried; what lies beyond the dashed lines is ruled out."
+_POINTS_ONLY = "Points are proved one by one; nothing holds between them."
+_SHOWN = "Where a set reaches the frame it goes on; hollow points are mirror images of others."
+
 
 def draw_domain(
     domains: Any,
@@ -69,73 +75,88 @@ def _drawn(domains: Sequence[Any], **options: Any) -> Any:
     """Returns the figure of domains of the same two or three loads."""
     is_flat = len(domains[0].units) == 2
     chart = figures("chart").Chart.of(options, (6.2, 5.4), None if is_flat else "3d")
-    ax = chart.axes
+    ax, first, frame = chart.axes, domains[0], _frame(domains)
     for domain, colour in zip(domains, cycle(_COLOURS), strict=False):
-        inside, outside, _ = domain.shapes()
         label = _label(domain) if len(domains) > 1 else "carried"
-        (_draw_flat if is_flat else _draw_solid)(ax, domain, inside, outside, colour, label)
-    first = domains[0]
-    for axis, name in zip("xyz", first.names, strict=False):
-        ax.set(**{f"{axis}label": f"{printable(name)} (load factor)"})
+        (_draw_flat if is_flat else _draw_solid)(ax, domain, frame, colour, label)
+    for axis, name, ends in zip("xyz", first.names, frame.T, strict=False):
+        ax.set(**{f"{axis}label": f"{printable(name)} (load factor)", f"{axis}lim": tuple(ends)})
     if is_flat:
-        boxes = np.array([domain.shapes()[2] for domain in domains])
-        low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
-        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         ax.axhline(0.0, color="#888888", lw=0.6, zorder=0)
         ax.axvline(0.0, color="#888888", lw=0.6, zorder=0)
         if np.ptp(first.units) <= _ALIKE * first.units.max():
             ax.set_aspect("equal")
+        kinds = {
+            s.is_mirrored for domain in domains for s in domain.supports if s.point is not None
+        }
+        for is_mirrored in sorted(kinds):
+            face = "white" if is_mirrored else _POINT
+            ax.plot([], [], "o", ms=3.5, mfc=face, mec=_POINT, mew=0.8, label=_POINTS[is_mirrored])
     chart.write(_title(domains))
     chart.write_legend()
     return chart.figure
 
 
-def _draw_flat(
-    ax: Any, domain: Any, inside: FloatArray, outside: FloatArray, colour: str, label: str
-) -> None:
+def _frame(domains: Sequence[Any]) -> FloatArray:
+    """Returns a frame (2, k) that holds those of all domains."""
+    low, high = np.array([domain.frame for domain in domains]).swapaxes(0, 1)
+    return np.stack([low.min(axis=0), high.max(axis=0)])
+
+
+def _draw_flat(ax: Any, domain: Any, frame: FloatArray, colour: str, label: str) -> None:
     shade = 1.0 if label == "carried" else 0.2  # several lie upon each other
+    # Shapes end outside the axes, so that no line closes a set that goes on.
+    inside, outside = domain.shapes(
+        frame + 0.1 * np.array([-1.0, 1.0])[:, None] * np.ptp(frame, axis=0)
+    )
     if len(outside):
-        ring = outside[around(outside)]
-        ax.fill(*ring.T, color=colour, alpha=0.16 * shade, lw=0, zorder=1)
-        ax.plot(*np.vstack([ring, ring[:1]]).T, color=colour, lw=0.6, ls="--", zorder=2,
+        ax.fill(*outside.T, color=colour, alpha=0.16 * shade, lw=0, zorder=1)
+        ax.plot(*np.vstack([outside, outside[:1]]).T, color=colour, lw=0.6, ls="--", zorder=2,
                 label="beyond it: ruled out" if label == "carried" else None)  # fmt: skip
     if len(inside):
-        ring = inside[around(inside)]
-        ax.fill(*ring.T, color=colour, alpha=0.45 * shade, lw=0, zorder=1.5)
-        ax.plot(*np.vstack([ring, ring[:1]]).T, color=colour, lw=1.2, zorder=2.5, label=label)
+        ax.fill(*inside.T, color=colour, alpha=0.45 * shade, lw=0, zorder=1.5)
+        ax.plot(*np.vstack([inside, inside[:1]]).T, color=colour, lw=1.2, zorder=2.5, label=label)
     for is_mirrored in (False, True):
         points = [s.point for s in domain.supports
                  if s.point is not None and s.is_mirrored == is_mirrored]  # fmt: skip
         if points:
             face = "white" if is_mirrored else colour
-            alone = "proved one by one" if not len(inside) and not is_mirrored else None
-            ax.plot(*np.array(points).T, "o", ms=3.5, mfc=face, mec=colour, mew=0.8, zorder=3,
-                    ls="none", label=alone)  # fmt: skip
+            ax.plot(*np.array(points).T, "o", ms=3.5, mfc=face, mec=colour, mew=0.8, zorder=3)
 
 
-def _draw_solid(
-    ax: Any, domain: Any, inside: FloatArray, outside: FloatArray, colour: str, label: str
-) -> None:
+def _draw_solid(ax: Any, domain: Any, frame: FloatArray, colour: str, label: str) -> None:
     from mpl_toolkits.mplot3d.art3d import (  # type: ignore[import-untyped]
         Line3DCollection,
         Poly3DCollection,
     )
 
+    inside, outside = domain.shapes(frame)
     if len(inside):
-        solid = inside[_alike(_faces(inside))]
+        faces = _faces(inside)
         body = Poly3DCollection(
-            solid, facecolors=colour, edgecolors="white", lw=0.4, alpha=0.85, shade=True
-        )
+            inside[_alike(faces)], facecolors=colour, edgecolors="white", lw=0.4, alpha=0.85,
+            shade=True,
+        )  # fmt: skip
         ax.add_collection3d(body, autolim=False)
     else:
         ax.plot(*domain.points.T, "o", ms=3, color=colour)
-    lines = outside[_alike([[*f, f[0]] for f in _faces(outside)])]
+    lines = outside[_open_edges(outside, frame)]
     dashed = Line3DCollection(lines, colors="#555555", lw=0.4, ls="--")
     ax.add_collection3d(dashed, autolim=False)
-    low, high = outside.min(axis=0), outside.max(axis=0)
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     ax.locator_params(nbins=4)  # more overlap in a narrow figure
     ax.set_box_aspect(None, zoom=0.8)  # which leaves labels on the paper
+
+
+def _open_edges(corners: FloatArray, frame: FloatArray) -> IntArray:
+    """Returns the edges (n, 2) between faces of a body that do not lie in a side of the frame,
+    where it is only cut off."""
+    sides = np.hstack([np.isclose(corners, end, atol=1e-9 * np.ptp(frame)) for end in frame])
+    edges = {
+        (min(a, b), max(a, b))
+        for face in _faces(corners) for a, b in zip(face, [*face[1:], *face[:1]], strict=True)
+        if not (sides[a] & sides[b]).any()
+    }  # fmt: skip
+    return np.array(sorted(edges), dtype=int).reshape(-1, 2)
 
 
 def _alike(faces: Sequence[Sequence[int]]) -> IntArray:
@@ -147,26 +168,40 @@ def _alike(faces: Sequence[Sequence[int]]) -> IntArray:
 
 
 def domain_page(domains: Sequence[Any]) -> Page:
-    """Returns the domains as a page to turn, in one file; those of two loads are plane there."""
-    first = domains[0]
+    """Returns the domains as a page to turn, in one file; those of two loads are plane there.
+
+    In the plane the page has the half-spaces that the domain itself answers by, so that it says the
+    same anywhere; in space it has what lies within the frame.
+    """
+    first, frame = domains[0], _frame(domains)
     data: dict[str, Any] = {
         "title": _title(domains), "names": list(first.names), "bodies": [],
-        "advice": "What lies inside is carried; what lies beyond the dashed lines is ruled out."
-        if first.inner is not None else "Points are proved one by one; nothing holds between them.",
+        "advice": f"{_ADVICE if first.inner is not None else _POINTS_ONLY} {_SHOWN}",
         "equal": bool(np.ptp(first.units) <= _ALIKE * first.units.max()),
+        "box": frame.tolist(), "kinds": _POINTS,
     }  # fmt: skip
-    low, high = (np.array([d.shapes()[2][i] for d in domains]) for i in (0, 1))
-    box = np.stack([low.min(axis=0), high.max(axis=0)])
-    data["box"] = box.tolist()
     for domain, colour in zip(domains, cycle(_COLOURS), strict=False):
-        inside, outside, _ = domain.shapes()
-        for corners, is_inner in ((inside, True), (outside, False)):
-            data["bodies"].append({
-                "corners": corners.tolist(), "faces": _faces(corners), "colour": colour,
-                "inner": is_inner, "label": _label(domain),
-            })  # fmt: skip
-        points = domain.points[np.abs(domain.points / domain.units).max(axis=1) < 50.0]
-        data["bodies"][-2]["points"] = points.tolist()
+        shapes = domain.shapes(frame) if len(first.units) == 3 else (None, None)
+        for body, corners, is_inner in zip(
+            (domain.inner, domain.outer), shapes, (True, False), strict=True
+        ):
+            made = {"colour": colour, "inner": is_inner, "label": _label(domain), "points": []}
+            if corners is not None:
+                edges = [] if is_inner else _open_edges(corners, frame).tolist()
+                made |= {
+                    "corners": corners.tolist(),
+                    "faces": _faces(corners) if is_inner else edges,
+                }
+            elif body is not None:
+                made |= {"units": domain.units.tolist(), "normals": body.normals.tolist(),
+                         "offsets": body.offsets.tolist()}  # fmt: skip
+                if is_inner:
+                    made |= {name: getattr(body, name).T.tolist() for name in ("origin", "basis")}
+                    made |= {"across": body.across.tolist(), "rounded": body.ROUNDED}
+            if is_inner:
+                made["points"] = [[s.point.tolist(), s.is_mirrored] for s in domain.supports
+                                  if s.point is not None]  # fmt: skip
+            data["bodies"].append(made)
     return framed("domain.html", data)
 
 
@@ -178,7 +213,7 @@ def domain_html(domain: Any) -> str:
         ("status", str(domain.status)),
         ("surface", domain.surface if domain.method == "convex" else
          f"{domain.surface}, {domain.method}"),
-        *((f"along {name}", f"[{low}, {high}]") for name, (low, high) in domain.extent().items()),
+        *((f"along {name}", found) for name, found in domain.extent().items()),
         ("solves", f"{domain.solves} in {domain.seconds:.1f} s"),
     ]  # fmt: skip
     image = None
@@ -193,10 +228,12 @@ def _label(domain: Any) -> str:
 
 def _title(domains: Sequence[Any]) -> str:
     first = domains[0]
+    name = printable(first.scene_name)
     if len(domains) > 1:
-        return f"{printable(first.scene_name)}: loads carried, by surface"
-    gap = f"gap at most {100 * first.gap:.2g} %" if np.isfinite(first.gap) else str(first.method)
-    return f"{printable(first.scene_name)}, {_label(first)}: {gap}, {first.solves} solves"
+        return f"{name}: loads that are carried, by surface"
+    how = f"proved to {first.gap_said}" if np.isfinite(first.gap) else "some proved points"
+    end = ", without end where the frame cuts it off" if len(first.rays) else ""
+    return f"{name}: loads that are carried beside the dead load, {how} ({_label(first)}){end}"
 
 
 def around(corners: FloatArray) -> IntArray:

@@ -11,8 +11,10 @@ const STYLE = `
 .cvxlimit svg:focus-visible { outline: 2px solid var(--set); }
 .cvxlimit text { fill: var(--ink); font-size: 12px; text-anchor: middle; }
 .cvxlimit line { stroke: var(--edge); }
-.cvxlimit .inside { fill: var(--set); fill-opacity: 0.45; stroke: var(--set); }
-.cvxlimit .outside { fill: var(--set); fill-opacity: 0.16; stroke: var(--set); stroke-dasharray: 4 3; }
+.cvxlimit polygon { fill: var(--set); fill-opacity: 0.45; }
+.cvxlimit .outside { fill-opacity: 0.16; }
+.cvxlimit .edge { stroke: var(--set); }
+.cvxlimit .ruled { stroke-dasharray: 4 3; }
 .cvxlimit .load { stroke: #d62246; fill: #d62246; }
 .cvxlimit img { max-width: 100%; max-height: 320px; background: #fff; border-radius: 4px; }
 .cvxlimit label { display: block; margin-top: 6px; }
@@ -80,10 +82,18 @@ function render({ model, el }) {
   function draw() {
     const state = model.get("state");
     svg.replaceChildren();
-    const ring = (points, kind) => points.length &&
+    // no line where the frame alone ends a set
+    const ends = (p, q) => [0, 1].some((i) => [low[i], high[i]].some(
+      (end) => Math.abs(p[i] - end) + Math.abs(q[i] - end) < 1e-9 * (high[i] - low[i])));
+    const ring = (points, kind, edge) => {
       make("polygon", svg, { points: points.map((p) => out(p).join()).join(" "), class: kind });
-    ring(state.outside, "outside");
-    ring(state.inside, "inside");
+      points.forEach((p, i) => {
+        const q = points[(i + 1) % points.length], [[x1, y1], [x2, y2]] = [out(p), out(q)];
+        if (!ends(p, q)) make("line", svg, { x1, y1, x2, y2, class: edge });
+      });
+    };
+    ring(state.outside, "outside", "edge ruled");
+    ring(state.inside, "inside", "edge");
     drawFrame(state.names);
     const [x, y] = out([0, 0]), [u, v] = out(model.get("point"));
     make("line", svg, { x1: x, y1: y, x2: u, y2: v, class: "load" });

@@ -69,6 +69,10 @@ def path_table(path: Path) -> DataFrame:
         "w": (path.w, path.scene.units.length, "mean displacement of the live load"),
         "displacement": (path.displacement, path.scene.units.length, "of the control block"),
         "load_factor": (path.load_factor, "", "with friction at points"),
+        "slip": (
+            [0.0, *(max([0.0, *(slip for slip, _ in x.values())]) for x in path.in_joints)],
+            path.scene.units.length, "of the joint that slides farthest, since the row above",
+        ),
         "lower": ([b.lower for b in brackets], "", "static bound of the configuration"),
         "upper": ([b.upper for b in brackets], "", "kinematic bound of the configuration"),
         "proved": ([b.is_proved for b in brackets], "", "whether both bounds are proved"),
@@ -76,7 +80,13 @@ def path_table(path: Path) -> DataFrame:
         "residual": ([c.residual for c in path], "", "last movement over the contact size"),
         "iterates": ([c.iterates for c in path], "", "convex problems solved"),
     }  # fmt: skip
-    facts = {"status": path.status, "reason": path.reason, "snaps": path.snaps, "proof": PROVES}
+    facts = {
+        "status": path.status,
+        "reason": path.reason,
+        "headline": path.headline,
+        "snaps": path.snaps,
+        "proof": PROVES,
+    }
     return _table(pandas, None, columns, None, facts)
 
 

@@ -80,12 +80,15 @@ def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[st
     ax, unit = chart.axes, printable(check.units.length)
     _draw_pieces(ax, check.displacement, check.acceleration, check.pieces, "capacity curve")
     for name, limit in (("SLV", check.slv), ("SLC", check.slc)):
+        if limit is None:
+            continue
         d, a, period = limit.displacement, limit.acceleration, f"T = {limit.period:.3g} s"
         ax.plot([d, d, 0.0], [0.0, a, a], "--", color=_LIMITS[name], lw=1.0)
         ax.plot(d, a, "o", color=_LIMITS[name], ms=6, label=f"{name}: d = {d:.3g} {unit}, {period}")
     ax.set(xlabel=f"spectral displacement ({unit})", ylabel=f"spectral acceleration ({unit}/s²)")
+    end = "" if check.refused else f", d0 = {check.d0:.3g} {unit}"
     chart.write(f"{printable(check.scene_name)}: a0* = {check.a0_star:.3g} {unit}/s², "
-                f"e* = {check.e_star:.3g}, d0 = {check.d0:.3g} {unit}")  # fmt: skip
+                f"e* = {check.e_star:.3g}{end or ': slides, no d0'}")  # fmt: skip
     chart.write_legend()
     return chart.figure if file is None else saved(chart.figure, file, options)
 
@@ -133,7 +136,8 @@ def page(path: Path) -> Page:
     curve."""
     curve = {**_numbers(path), "texts": _texts(path)}
     curve["half"] = None if path.halved is None else _numbers(path.halved)
-    advice = sentences(path.reason, *path.notes, PROVES)
+    reason = "" if path.reason == path.headline else path.reason
+    advice = sentences(path.headline, reason, *path.notes, PROVES)
     contents = {"title": _title(path), "advice": advice, "path": curve}
     return path_page(path.scene, _motions(path), contents)
 
@@ -167,6 +171,8 @@ def _title(path: Path) -> str:
     low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
     end = f"zero at {low}" + (f" to {high}" if low != high else "")
     end = f"{path.status} at {path.displacement[-1]:.4g}" if low == "nan" else end
+    if path.slides_away:
+        return f"{printable(path.scene.name)}: {start}, slides: no d0"
     return f"{printable(path.scene.name)}: {start}, {end} {unit}"
 
 

@@ -21,7 +21,7 @@ from cvxlimit.plotting.look import printable
 from cvxlimit.plotting.movement import motion
 from cvxlimit.plotting.paths import curve
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
-from cvxlimit.plotting.pictures.webpage import Page, asset
+from cvxlimit.plotting.pictures.webpage import Page, asset, sentences
 from cvxlimit.plotting.registry import figures
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
@@ -304,7 +304,8 @@ def _path(path: Path) -> Rows:
     of = "the live load (mean)" if path.control is None else f"block {path.control[0]}"
     yield "load factor", f"{first} with friction at points, {last} where the path ends"
     yield "displacement", f"of {of}: {way} where it ends, after {len(path) - 1} steps"
-    yield "ends", path.reason
+    if path.reason != path.headline:
+        yield "ends", path.reason
     if path.snaps:
         yield "snaps", f"{len(path.snaps)}: the structure jumps there"
     yield from (("note", note) for note in path.notes)
@@ -315,7 +316,9 @@ def _shown(value: Any) -> str:
     """Returns as HTML a path, a mapping, a pandas table, anything with ``rows``, or the text of any
     other object."""
     if isinstance(value, Path):
-        return _table(_path(value)) + _curve(value)
+        return f"<p><strong>{_text(sentences(value.headline))}</strong></p>" + (
+            _table(_path(value)) + _curve(value)
+        )
     if hasattr(value, "columns") and hasattr(value, "itertuples"):
         named = [value.index.name or "", *map(str, value.columns)]
         return _grid(value.itertuples(), named)
@@ -342,7 +345,7 @@ _ROW = ("<tr>", "</tr>")
 
 
 def _plain(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return "none" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _table(rows: Iterable[tuple[str, str]], kind: str = "facts") -> str:

@@ -142,11 +142,16 @@ class Bracket:
         return float(np.clip(load_factor, self.lower, max(self.lower, self.upper)))
 
     def shown(self, digits: int) -> str:
-        """Shows both ends, rounded outwards to so many digits.
+        """Shows both ends, rounded outwards to so many digits; ``unbounded`` and ``none`` where
+        any multiple is carried, or none is, and ``?`` for an end that is not known.
 
         >>> Bracket(0.4230561, 0.4230593).shown(5)
         '[0.42305, 0.42306]'
+        >>> Bracket(float("inf"), float("inf")).shown(5), Bracket(0.1).shown(5)
+        ('unbounded', '[0.1, ?]')
         """
+        if self.lower == np.inf or self.upper == -np.inf:
+            return "unbounded" if self.lower == np.inf else "none"
         return f"[{rounded_down(self.lower, digits)}, {rounded_up(self.upper, digits)}]"
 
     def __str__(self) -> str:

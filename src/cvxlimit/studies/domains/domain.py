@@ -18,8 +18,8 @@ from cvxlimit.model.statics import ZERO
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load, combined
 from cvxlimit.solution import Status
-from cvxlimit.solution.bracket import Bracket, rounded_down, rounded_up
-from cvxlimit.studies.domains.polytopes import Inner, Outer
+from cvxlimit.solution.bracket import Bracket
+from cvxlimit.studies.domains.polytopes import Inner, Outer, ring
 from cvxlimit.studies.domains.supports import Support
 
 if TYPE_CHECKING:
@@ -224,9 +224,13 @@ class LoadDomain:
         if not given.any():
             raise InputError(f"direction must not be zero, got {given.tolist()}")
         along, zero = given / self.units, np.zeros(len(given))
-        upper = -np.inf if self.is_empty else self.outer.reach(zero, along)[1]
+        least_kept, upper = self.outer.reach(zero, along)
+        if self.is_empty or least_kept > upper:  # the whole line is ruled out
+            upper = -np.inf
         low, high = self._along(along) if self.inner is None else self.inner.reach(zero, along)
         lower = high if low <= high else -np.inf
+        if lower == np.inf:  # by rays, which no half-space ends but by rounding
+            upper = lower
         least = ZERO / float(np.abs(along).max())
         return Bracket(lower, upper, self.is_proved, self.is_proved, least)
 
@@ -251,42 +255,54 @@ class LoadDomain:
             return "not carried"
         if self.inner is None:
             return "carried" if (self.points == np.asarray(point)).all(axis=1).any() else "open"
-        return "carried" if self._holds(at) else "open"
-
-    def _holds(self, at: FloatArray) -> bool:
-        inner = self.inner
-        if inner is None:
-            return False
-        step = at - inner.origin
-        if not step.any():
-            return True
-        low, high = inner.reach(inner.origin, step)
-        return low <= 1.0 <= high
+        return "carried" if self.inner.holds(at) else "open"
 
     def _vector(self, value: ArrayLike, what: str) -> FloatArray:
         return np.asarray(finite_vector(value, len(self.units), f"{what} of the load domain"))
 
-    def shapes(self, frame: FloatArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What to draw: corners (n, k) of the hull and (m, k) of what half-spaces leave, and a box
-        (2, k) by which both are cut off: ``frame``, or one around all points. Corners without
-        order; none of a hull where nothing holds between points.
-        """
-        points = self.points / self.units
+    @cached_property
+    def frame(self) -> FloatArray:
+        """What a picture shows (2, k): all points; of a set without end three times the part that
+        has one, and what it holds so far."""
         far = 0.5 * WINDOW if len(self.rays) else WINDOW  # in between it is hardly more than a ray
+        points = self.points / self.units
         near = np.vstack([points[np.abs(points).max(axis=1) < far], self.centre])
-        low, high = near.min(axis=0), near.max(axis=0)
-        size = np.where(high - low > ZERO, high - low, (high - low).max() or 1.0)
-        spare = (0.6 if len(self.rays) else 0.12) * size
-        box = np.stack([low - spare, high + spare]) if frame is None else frame / self.units
         inner = self.inner
-        plane = inner or Inner.of(
-            np.vstack([self.centre, np.eye(len(size))]), np.zeros((0, len(size))), WINDOW
-        )
-        outside = self.outer.within(*box).corners(plane, self.centre)
-        inside = np.zeros((0, len(size)))
+        if inner is not None and len(self.rays):
+            about = np.zeros(len(self.units))
+            if not inner.holds(about):
+                about = points[np.linalg.norm(points, axis=1).argmin()]
+            ends = [
+                inner.reach(about, way)[1] for way in (*np.eye(len(about)), *-np.eye(len(about)))
+            ]
+            size = max([end for end in ends if end < far] + [float(np.abs(about).max())]) or 1.0
+            near = np.vstack([self._cut(about - 3.0 * size, about + 3.0 * size)[0], about])
+        low, high = near.min(axis=0), near.max(axis=0)
+        size = high - low
+        spare = np.where(size > ZERO, 0.12 * size, 0.5 * size.max() or 0.5)
+        return np.stack([low - spare, high + spare]) * self.units
+
+    def shapes(self, frame: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What to draw: corners (n, k) of the hull and (m, k) of what half-spaces leave, where both
+        are cut off at ``frame`` (2, k), in the plane in order; none of a hull where nothing holds
+        between points.
+        """
+        inside, outside = self._cut(*(frame / self.units))
+        return inside * self.units, outside * self.units
+
+    def _cut(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same in natural units."""
+        inner, outer = self.inner, self.outer
+        none = np.zeros((0, len(low)))
+        if len(low) == 2:
+            inside = none if inner is None else ring(inner.normals, inner.offsets, low, high, inner)
+            return inside, ring(outer.normals, outer.offsets, low, high)
+        low, high = np.minimum(low, self.centre - ZERO), np.maximum(high, self.centre + ZERO)
+        plane = inner or Inner.of(np.vstack([self.centre, np.eye(len(low))]), none, WINDOW)
+        outside = outer.within(low, high).corners(plane, self.centre)
         if inner is not None:
-            inside = Outer(inner.normals, inner.offsets).within(*box).corners(inner, self.centre)
-        return inside * self.units, outside * self.units, box * self.units
+            none = Outer(inner.normals, inner.offsets).within(low, high).corners(inner, self.centre)
+        return none, outside
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -375,13 +391,11 @@ class LoadDomain:
             f"{self.solves} solves, {self.status}"
         )
 
-    def extent(self) -> dict[str, tuple[str, str]]:
+    def extent(self) -> dict[str, str]:
         """Bounds on the largest and least load factor of each load alone, as texts."""
-        result = {}
-        for i, name in enumerate(self.names):
-            for sign, what in ((1.0, ""), (-1.0, "-")):
-                along = np.zeros(len(self.units))
-                along[i] = sign
-                found = self.load_factor(along)
-                result[f"{what}{name}"] = rounded_down(found.lower, 5), rounded_up(found.upper, 5)
-        return result
+        ways = zip(np.eye(len(self.names)), self.names, strict=True)
+        return {
+            f"{'-' * (sign < 0)}{name}": self.load_factor(sign * way).shown(5)
+            for way, name in ways
+            for sign in (1.0, -1.0)
+        }

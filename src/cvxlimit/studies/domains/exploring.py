@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector, is_number
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.methods.solving import solve
-from cvxlimit.plotting.domains import around
 from cvxlimit.plotting.look import DIGITS
 from cvxlimit.plotting.notebook import card, falling
 from cvxlimit.plotting.pictures.webpage import asset
@@ -121,13 +119,14 @@ class Explorer:
     def _state(
         self, bracket: Bracket, solution: Solution | None, said: str, is_last: bool = True
     ) -> dict[str, Any]:
-        inside, outside, box = self.domain.shapes(self.frame)
+        inside, outside = self.domain.shapes(self.frame)
         names = self.domain.names
+        times = "any number" if bracket.lower == np.inf else bracket.shown(DIGITS)
         at = ", ".join(f"{name} {x:.4g}" for name, x in zip(names, self.point, strict=True))
         return {
-            "inside": _ring(inside), "outside": _ring(outside),
-            "box": box.tolist(), "names": list(names), "is_last": is_last,
-            "text": f"{at}: {said}; such loads can be multiplied by {bracket.shown(DIGITS)}",
+            "inside": inside.tolist(), "outside": outside.tolist(),
+            "box": self.frame.tolist(), "names": list(names), "is_last": is_last,
+            "text": f"{at}: {said}; such loads can be multiplied by {times}",
             "picture": self._picture(solution),
             "answer": next(self._answers),  # so that a page is told of two that are alike
         }  # fmt: skip
@@ -227,10 +226,6 @@ def widget(explorer: Explorer) -> Any:
     made.observe(moved, "point")
     made.observe(changed, "values")
     return made
-
-
-def _ring(corners: FloatArray) -> Any:
-    return corners[around(corners)].tolist() if len(corners) else []
 
 
 def _without_range(scenes: Callable[..., Scene], ranges: Mapping[str, Any]) -> list[str]:

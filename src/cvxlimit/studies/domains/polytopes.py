@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.geometry.polygons import clipped
 
 FLAT = 1e-7
 """Extent, over the natural size of load factors, below which a set counts as flat: ten times what
 solvers leave of a load factor that is zero."""
 
 _FAR = 1e4
-"""Length, over the window's, at which rays end where a hull of points is made of them."""
+"""Length, over the window's, at which rays end where a hull of points is made of them. Facets of
+that hull on which no point lies are where rays end: they are left out, and the set goes on."""
 
 _SPARE = 1e-9
 """Share of a facet's distance from the mean of the points that is taken off it, for what Qhull's
@@ -32,8 +34,11 @@ class Inner:
     origin : (k,), basis : (k, r)
         The plane: r is smaller than k where the hull is flat.
     normals : (f, k), offsets : (f,)
-        The hull is normals @ x <= offsets within the plane.
+        The hull is normals @ x <= offsets within the plane: no facet where it has no end.
     """
+
+    ROUNDED: ClassVar[float] = 1e-12
+    """Share of a direction's length that counts as rounding."""
 
     points: FloatArray
     rays: FloatArray
@@ -51,8 +56,7 @@ class Inner:
         near = np.vstack([points - origin, rays])
         spread, axes = np.linalg.svd(near, full_matrices=False)[1:]
         basis = axes[spread > FLAT].T
-        along = (every - origin) @ basis
-        normals, offsets = _facets(along)
+        normals, offsets = _facets((every - origin) @ basis, (points - origin) @ basis)
         return cls(points, rays, origin, basis, normals @ basis.T,
                    offsets + normals @ (basis.T @ origin))  # fmt: skip
 
@@ -73,16 +77,24 @@ class Inner:
             return -np.inf
         return float((self.offsets - self.normals @ point).min(initial=np.inf))
 
+    def holds(self, point: FloatArray) -> bool:
+        """True if a point is inside all facets, and in the plane up to rounding."""
+        step = point - self.origin
+        off = np.abs(self.across @ step).max(initial=0.0) <= self.ROUNDED * np.abs(step).max()
+        return bool(off and (self.normals @ point <= self.offsets).all())
+
     def holds_ray(self, direction: FloatArray) -> bool:
         """True if rays along ``direction`` never leave."""
         if not len(self.rays):
             return False
-        return bool(nnls(self.rays.T, direction)[1] <= 1e-12 * np.linalg.norm(direction))
+        least = self.ROUNDED * np.linalg.norm(direction)
+        off = np.abs(self.across @ direction).max(initial=0.0)
+        return bool(off <= least and (self.normals @ direction <= least).all())
 
     def reach(self, start: FloatArray, direction: FloatArray) -> tuple[float, float]:
         """Least and largest t with start + t direction inside; (inf, -inf) if there is none."""
         away, off = self.across @ direction, self.across @ (start - self.origin)
-        if np.abs(away).max(initial=0.0) > 1e-12 * np.abs(direction).max():
+        if np.abs(away).max(initial=0.0) > self.ROUNDED * np.abs(direction).max():
             t = float(-(away @ off) / (away @ away))
             return (t, t) if self.margin(start + t * direction) >= 0.0 else (np.inf, -np.inf)
         if np.abs(off).max(initial=0.0) > FLAT:
@@ -96,8 +108,9 @@ class Inner:
         return low, high
 
 
-def _facets(along: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Facets of the hull of points (n, r) as normals @ z <= offsets, a little inside it."""
+def _facets(along: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Facets of the hull of what is ``along`` the plane (n, r) as normals @ z <= offsets, a little
+    inside it: those on which one of the ``points`` (m, r) lies."""
     if along.shape[1] == 0:
         return np.zeros((0, 0)), np.zeros(0)
     if along.shape[1] == 1:
@@ -105,7 +118,31 @@ def _facets(along: FloatArray) -> tuple[FloatArray, FloatArray]:
     else:
         equations = np.unique(ConvexHull(along).equations, axis=0)
         normals, offsets = equations[:, :-1], -equations[:, -1]
+    has_point = offsets - (points @ normals.T).max(axis=0) <= FLAT
+    normals, offsets = normals[has_point], offsets[has_point]
     return normals, offsets - _SPARE * np.abs(offsets)
+
+
+def ring(
+    normals: FloatArray,
+    offsets: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    flat: Inner | None = None,
+) -> FloatArray:
+    """Corners (n, 2), in order, of normals @ x <= offsets in the plane within low <= x <= high; of
+    a hull that is ``flat``, those within it."""
+    (a, c), (b, d) = low, high
+    corners = np.array([[a, c], [b, c], [b, d], [a, d]])
+    if flat is not None and flat.is_flat:
+        far = np.abs([low - flat.origin, high - flat.origin]).max() * 2.0
+        corners = flat.origin + far * np.vstack([flat.basis.T, -flat.basis.T, 0.0 * low])
+        sides = np.vstack([np.eye(2), -np.eye(2)])
+        normals, offsets = np.vstack([normals, sides]), np.concatenate([offsets, high, -low])
+    found, count = corners[None], np.array([len(corners)])
+    for normal, offset in zip(normals, offsets, strict=True):
+        found, count = clipped(found, count, offset - found @ normal)
+    return np.asarray(found[0, : count[0]])
 
 
 def _interval(
