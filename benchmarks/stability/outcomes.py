@@ -106,7 +106,11 @@ def reference_of(sample: Sample, solution: Solution, surfaces: object = None) ->
     )
 
 
-_NONE = {Status.DEAD_LOAD_UNSTABLE: FALLS, Status.LIVE_LOAD_HARMLESS: HARMLESS}
+_NONE = {
+    Status.DEAD_LOAD_UNSTABLE: FALLS,
+    Status.LIVE_LOAD_HARMLESS: HARMLESS,
+    Status.UNBOUNDED: HARMLESS,
+}
 
 
 def claim_of(solution: Solution) -> Claim:

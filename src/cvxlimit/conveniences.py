@@ -35,6 +35,7 @@ PLACES = {
     "solution_first_look": ("methods.dilatancy.first_look", "first_look"),
     "solution_to_compas": ("io.geometry.compas_results", "results"),
     "sensitivity_table": ("plotting.frames", "sensitivity_table"),
+    "without_dilatancy": ("methods.dilatancy.unbounded", "without_dilatancy"),
     "problem_solve": ("methods.modelling", "solved"),
     "path_table": ("plotting.frames", "path_table"),
     "path_save": ("io", "write_path"),

@@ -113,7 +113,35 @@ def test_a_live_load_that_presses_has_no_upper_end() -> None:
     assert solution.load_factor is None
     assert_interval(solution, 0.2, np.inf)
     assert "from 0.2" in solution.note
+    assert "it does no harm without dilatancy either" in solution.note
+    assert solution.standing == "certified, without an upper end"
     assert "change the direction" not in solution.note
+
+
+def test_an_upper_end_that_dilatancy_alone_takes_away(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Beside the slab that the live load presses, it slides a block from under a fixed lid:
+    without dilatancy where 0.5 (1 - 0.9 a) = 0.3 a."""
+    blocks = list(slab().blocks)
+    blocks[0] = Block.box("ground", (-1, -1, -1), (5, 2, 0))
+    blocks.append(Block.box("under", (3, 0, 0), (4, 1, 0.5), density=20.0))
+    blocks.append(Block.box("lid", (3, 0, 0.5), (4, 1, 1)))
+    scene = slab()
+    leaning = Load(gravity=(0, 0, -1), forces={"slab": (6.0, 0, 0, 0, 0, 0)})
+    live = Load(forces={"slab": (0, 0, -10.0, 0, 0, 0), "under": (3.0, 0, 9.0, 0, 0, 0)})
+    scene = Scene(blocks, ["ground", "lid"], live, leaning, friction=0.5)
+    solution = solve(scene)
+    assert solution.interval == pytest.approx((0.2, np.inf), rel=1e-5)
+    assert solution.status is Status.UNBOUNDED
+    assert not solution.is_answered
+    assert solution.dilatancy is not None
+    assert solution.dilatancy.slides_at == pytest.approx(0.5 / 0.75, rel=1e-4)
+    assert solution.range_text.endswith(" and more with dilatancy")
+    assert "slides at 0.66667 without it" in solution.standing
+    write_scene(scene, tmp_path / "scene.json")
+    assert run(["solve", str(tmp_path / "scene.json")]) == 3
+    assert "slides at 0.66667 without it" in capsys.readouterr().out
 
 
 def test_one_factor_only() -> None:

@@ -242,10 +242,12 @@ class TestLadder:
         assert solution.load_factor == pytest.approx(0.642859, rel=1e-3)
 
 
-def assert_harmless(solution: Solution, scene: Scene) -> None:
+def assert_harmless(
+    solution: Solution, scene: Scene, status: Status = Status.LIVE_LOAD_HARMLESS
+) -> None:
     """Forces in equilibrium with the live load alone, inside all surfaces: any multiple is."""
-    assert solution.status is Status.LIVE_LOAD_HARMLESS, solution
-    assert (solution.load_factor, solution.lower, solution.upper) == (None, -np.inf, np.inf)
+    assert solution.status is status, solution
+    assert (solution.load_factor, solution.upper) == (None, np.inf)
     assert solution.forces is not None
     matrix, _, live = hand_equilibrium(scene)
     carried = matrix @ solution.forces.ravel()
@@ -314,12 +316,18 @@ HARMLESS: dict[str, Callable[[], Scene]] = {
 }
 
 
+WITH_DILATANCY = ("wedged", "wall pressed down")
+"""Those of which nothing is proved without it."""
+
+
 class TestLiveLoadHarmless:
     @pytest.mark.parametrize("surface", ["conic", "octagon"])
     @pytest.mark.parametrize("name", HARMLESS)
     def test_proof(self, name: str, surface: str) -> None:
         scene = HARMLESS[name]()
-        assert_harmless(solve(scene, surface), scene)
+        is_known = name not in WITH_DILATANCY
+        status = Status.LIVE_LOAD_HARMLESS if is_known else Status.UNBOUNDED
+        assert_harmless(solve(scene, surface), scene, status)
 
     @pytest.mark.parametrize("seed", range(12))
     def test_blocks_without_load_are_not_judged_by_noise(self, seed: int) -> None:

@@ -15,6 +15,8 @@ WALLS = Block.box("left", (-1, 0, 0), (0, 1, 1)), Block.box("right", (1, 0, 0), 
 CUBE = Block.box("cube", (0, 0, 0), (1, 1, 1), 20.0)
 GROUND = Block.box("ground", (-5, -5, -1), (5, 5, 0))
 
+UNLIMITED = Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED
+
 
 class TestGuides:
     """A block between two walls, above the ground."""
@@ -37,7 +39,7 @@ class TestGuides:
 
     def test_with_any_friction_self_stress_holds_it(self) -> None:
         """The flow rule dilates, so the walls can press as hard as it takes."""
-        assert solve(self.scene(1e-3)).status is Status.LIVE_LOAD_HARMLESS
+        assert solve(self.scene(1e-3)).status is Status.UNBOUNDED
 
 
 class TestLiftedBlock:
@@ -92,7 +94,7 @@ class TestFrictionFromNothingToGlue:
             side_supports=("start", "end"),
             live=Load(acceleration=(0.3, 1.0, 0.2)),
         )
-        assert solve(scene, method=method).status is Status.LIVE_LOAD_HARMLESS
+        assert solve(scene, method=method).status in UNLIMITED
 
     @pytest.mark.parametrize("friction", [1e-5, 1e-3, 0.5])
     def test_a_wedge_in_a_groove(self, friction: float) -> None:
@@ -110,4 +112,4 @@ class TestFrictionFromNothingToGlue:
         assert solution.status is Status.CERTIFIED
         if friction < 0.1:
             assert solution.load_factor == pytest.approx(np.sqrt(2.0) * friction, rel=1e-4)
-        assert solve(scene.with_friction(1e5)).status is Status.LIVE_LOAD_HARMLESS
+        assert solve(scene.with_friction(1e5)).status is Status.UNBOUNDED

@@ -232,7 +232,7 @@ class TestOrder:
 
     @pytest.mark.parametrize("name", NAMES)
     def test_never_falls_on_builtin_scenes(self, name: str) -> None:
-        """Up to 0.9: from about 1 on, the bonded tuff wall jams and the push does no harm."""
+        """Up to 0.9: from about 1 on, the bonded tuff wall jams and no push is too much."""
         scene = builtin_scene(name)
         factors = [answer(scene.with_friction(mu)).load_factor for mu in (0.5, 0.6, 0.7, 0.8, 0.9)]
         assert all(b >= a * (1.0 - 1e-6) for a, b in pairwise(factors))
@@ -242,7 +242,7 @@ class TestOrder:
         """The end of the order: with enough friction no push is too much, as linprog says too."""
         scene = builtin_scene("tuff-wall").with_friction(1.2)
         assert linear_load_factor(scene, 8, float(np.cos(np.pi / 8))).status == 3  # unbounded
-        assert solve(scene).status is Status.LIVE_LOAD_HARMLESS
+        assert solve(scene).status is Status.UNBOUNDED
 
     @pytest.mark.exhaustive
     @given(scene=scenes(), k=st.sampled_from([3, 4, 5, 8, 13]))

@@ -18,7 +18,10 @@ from helpers import TOLERANCE
 from second_interaction import READINGS, Interaction
 from second_writing import JOINT, answer, joints, pile
 
-KINDS = {"unstable": Status.DEAD_LOAD_UNSTABLE, "harmless": Status.LIVE_LOAD_HARMLESS}
+KINDS = {
+    "unstable": (Status.DEAD_LOAD_UNSTABLE,),
+    "harmless": (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED),
+}
 
 SECOND = 1e-6
 """What Clarabel's answers at its own tolerances of 1e-8 are worth, relative to 1 or the factor."""
@@ -53,7 +56,7 @@ def check(seed: int) -> None:
         if expected.load_factor == np.inf:
             return
     elif expected.kind != "factor":
-        assert solution.status is KINDS[expected.kind]
+        assert solution.status in KINDS[expected.kind]
         return
     assert solution.status is Status.CERTIFIED, solution.note
     size = SECOND * max(1.0, abs(solution.upper))

@@ -213,7 +213,7 @@ def verdict(solution: Solution) -> str:
     A reaction that has no limit is the answer to another question than the load factor's, whose
     words do not fit.
     """
-    if solution.status is Status.LIVE_LOAD_HARMLESS and solution.quantity != LOAD_FACTOR:
+    if solution.status is Status.UNBOUNDED and solution.quantity != LOAD_FACTOR:
         return (
             f"the {solution.quantity} has no limit: blocks wedged between supports hold any, and "
             "forces that do were found and checked: ask for another direction, or for the other "

@@ -119,6 +119,7 @@ DILATANCY = record(
         "sliding": Key(listed(TEXT, "name of a contact"), is_needed=False),
         "moving": Key(WHOLE, is_needed=False),
         "safe": Key(FIGURE, is_needed=False),
+        "slides_at": Key(nullable(FIGURE), is_needed=False),
     }
     | {name: Key(nullable(FIGURE), is_needed=False) for name in ("nearly", "lacks")},
 )

@@ -27,7 +27,7 @@ from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds, ba
 from cvxlimit.methods.interaction.restriction.slater import carrying_forces
 from cvxlimit.methods.interaction.settings import BRACKET
 from cvxlimit.methods.standing import fallen
-from cvxlimit.methods.wedging import carried_by_dilatancy
+from cvxlimit.methods.wedging import judged
 from cvxlimit.model.problem import LimitProgram
 from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
@@ -185,8 +185,8 @@ class _Proof:
         if self._cannot_stand():
             return Status.DEAD_LOAD_UNSTABLE
         is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
-        if (is_boundless or outer.claims_no_optimum) and self._is_harmless():
-            return Status.LIVE_LOAD_HARMLESS
+        if (is_boundless or outer.claims_no_optimum) and self._is_unbounded():
+            return judged(run, is_plain=False)
         if run.best.mechanism is None:
             yield from self._borrow()
         else:
@@ -197,8 +197,8 @@ class _Proof:
             if self._is_ruled_out(run.best.bracket):
                 return Status.DEAD_LOAD_UNSTABLE
         lower = run.best.bracket.lower
-        if lower > 0.0 and run.is_boundless(lower) and self._is_harmless():
-            return Status.LIVE_LOAD_HARMLESS
+        if lower > 0.0 and run.is_boundless(lower) and self._is_unbounded():
+            return judged(run, is_plain=False)
         good = run.best.bracket.is_within(self.rule.tolerance or BRACKET.good)
         return Status.CERTIFIED if good else Status.NOT_CERTIFIED
 
@@ -419,7 +419,7 @@ class _Proof:
         if self._at_rest is not None and run.best.bracket.lower < 0.0:
             run.best = run.best.raised(0.0, True, 0.0, self._at_rest)
 
-    def _is_harmless(self) -> bool:
+    def _is_unbounded(self) -> bool:
         """True if forces carry the live load alone, strictly inside Eq. 30: as that is homogeneous,
         every load factor beyond some finite one is then carried."""
         run = self.run
@@ -430,7 +430,6 @@ class _Proof:
                 "it does any harm is open"
             ]
             return False
-        found = carried_by_dilatancy(run)
-        run.best = replace(run.best, forces=forces, mechanism=None, dilatancy=found)
+        run.best = replace(run.best, forces=forces, mechanism=None)
         run.remarks = []
         return True

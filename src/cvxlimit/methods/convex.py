@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from cvxlimit.base.checks import not_negative, ratio
 from cvxlimit.methods.convex_search import ConvexSearch
-from cvxlimit.methods.dilatancy.least_thrust import PATIENCE, is_covered, lower_bound
 from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.methods.wedging import judged
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import TOLERANCE
-from cvxlimit.solution.kinematics import Dilatancy
 
 
 @dataclass(frozen=True)
@@ -50,13 +47,4 @@ class Convex(Method):
         run.tell(f"compiling {len(run.scene.free)} blocks x {len(run.contacts)} contacts")
         search = ConvexSearch(run, run.model, self.tolerance, self.budget)
         status = yield from search.steps()
-        if status is Status.LIVE_LOAD_HARMLESS and run.best.dilatancy and is_covered(run):
-            run.best = replace(run.best, dilatancy=_with_proof(run, run.best.dilatancy))
-        return status
-
-
-def _with_proof(run: Run, dilatancy: Dilatancy) -> Dilatancy:
-    """With the load factor below which nothing slides without dilatancy, as far as it is proved in
-    the time that the answer has taken so far, or in two seconds."""
-    bound = lower_bound(run, np.inf, seconds=max(PATIENCE, run.clock.elapsed)).load_factor
-    return dilatancy if run.is_boundless(bound) else replace(dilatancy, safe=bound)
+        return judged(run) if status is Status.UNBOUNDED else status

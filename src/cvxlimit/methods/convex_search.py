@@ -33,7 +33,6 @@ from cvxlimit.methods.standing import (
     refuse_an_interval,
     told,
 )
-from cvxlimit.methods.wedging import carried_by_dilatancy
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
 from cvxlimit.model.problem import LimitProgram
@@ -45,6 +44,7 @@ from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, Certificate, known
 from cvxlimit.solvers import LimitState, SolverSettings, settings_for
+from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
 LOOSE = 0.1
@@ -90,7 +90,7 @@ class ConvexSearch:
           (it stands)  _solve_with_fallback
                          _solvers_in_turn, with the reduced model, then with the full one
                            _attempt    one solver, its certificate, what it adds to run.best
-                         _is_harmless    whether there is a limit at all
+                         _is_unbounded    whether there is a limit at all
           (it falls)   _interval
                          held_by_live_load    a part of the live load that holds the dead load
                          _solve_with_fallback, for the live load and for its opposite
@@ -169,11 +169,10 @@ class ConvexSearch:
             status = yield from self._solvers_in_turn()
         if status is not None:
             return status
-        # A proved upper bound of usual size is a limit: the live load does harm then.
         best = self.run.best.bracket
-        is_harmful = best.upper_is_proved and not self.run.is_boundless(best.upper)
-        harmless = not is_harmful and self._is_harmless()
-        return Status.LIVE_LOAD_HARMLESS if harmless else Status.NOT_CERTIFIED
+        has_limit = best.upper_is_proved and not self.run.is_boundless(best.upper)
+        is_unbounded = not has_limit and self._is_unbounded()
+        return Status.UNBOUNDED if is_unbounded else Status.NOT_CERTIFIED
 
     def held_by_live_load(self) -> Held:
         """Finds with which part of the live load the dead load stands that does not stand alone."""
@@ -213,11 +212,11 @@ class ConvexSearch:
             return Status.DEAD_LOAD_UNSTABLE
         # Both ends in one answer; without an upper end there is no load factor to report.
         best = run.best
-        if status_up is Status.LIVE_LOAD_HARMLESS:
-            best = Answer(forces=best.forces, dilatancy=best.dilatancy)
+        if status_up is Status.UNBOUNDED:
+            best = Answer(forces=best.forces)
         run.best = replace(best, lower_end=lower)
         run.remarks = [told(run.best, reversed_run.best.bracket, alone), *run.remarks]
-        settled = Status.CERTIFIED, Status.LIVE_LOAD_HARMLESS
+        settled = Status.CERTIFIED, Status.UNBOUNDED
         is_settled = status_up in settled and status_down in settled
         return status_up if is_settled else Status.NOT_CERTIFIED
 
@@ -250,8 +249,8 @@ class ConvexSearch:
             if bracket.is_within(self.tolerance):
                 return Status.CERTIFIED
             is_boundless = self.run.is_boundless(state.load_factor)
-            if (state.outcome.claims_no_optimum or is_boundless) and self._is_harmless():
-                return Status.LIVE_LOAD_HARMLESS
+            if (state.outcome.claims_no_optimum or is_boundless) and self._is_unbounded():
+                return Status.UNBOUNDED
             yield
         # Why it is not settled: one or the other, since it takes both bounds to leave a solver out.
         if self.without_duals and not np.isfinite(self.run.best.bracket.upper):
@@ -397,36 +396,38 @@ class ConvexSearch:
             if state.mechanism is not None and self.certifier.offer_opening_field(state.mechanism):
                 return
 
-    def _is_harmless(self) -> bool:
+    def _is_unbounded(self) -> bool:
         """True if forces carry the live load alone, hence any multiple of it; asked once."""
         if not self._is_new("live load"):
             return False
-        run, live = self.run, self.run.assemblage.statics.live
-        run.tell("checking whether the live load does any harm")
-        surfaces, formulation = self.certifier.strength.recession()
-        loaded = self.reductions.assemblage.under(live, live)
+        live = self.run.assemblage.statics.live
+        if (forces := self.carrying(live, *self.certifier.strength.recession())) is not None:
+            self.run.best = replace(self.run.best, forces=forces, mechanism=None)
+        return forces is not None
+
+    def carrying(
+        self, load: FloatArray, surfaces: Sequence[YieldSurface], formulation: Formulation
+    ) -> FloatArray | None:
+        """Forces (n, 6) that carry a ``load`` alone, recomputed outside the solver, or None."""
+        run, loaded = self.run, self.reductions.assemblage.under(load, load)
         with run.clock.phase("compile"):
-            alone, reduction = loaded.alone(live), self.reductions.best()
+            alone, reduction = loaded.alone(load), self.reductions.best()
             if formulation is not run.formulation:
                 reduction = Reduction.none(alone.statics, formulation)
-            # has_rows=False below: where a load grazes, forces are inside by 1e-8, and the order of
-            # rows decides whether solvers find them: CVXPY's did on 295 of 295 scenes, ours on 293
             goal = LargestFactor(most=1.0)
             problem = LimitProgram(alone, surfaces, reduction=reduction, goal=goal)
-        shares = self._shares(problem, "live load alone", formulation, has_rows=False)
-        for state, certificate in shares:
+        # has_rows: where a load grazes, CVXPY's rows show all of 295 scenes to solvers, ours 293
+        for state, certificate in self._shares(problem, "load alone", formulation, has_rows=False):
             carrying = self.certifier.given(state)
             if carrying is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
                     strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
                     forces = carried_exactly(loaded, strength_of, carrying / state.load_factor)
                 if forces is not None:
-                    dilatancy = carried_by_dilatancy(run)
-                    run.best = replace(run.best, forces=forces, mechanism=None, dilatancy=dilatancy)
-                    return True
+                    return forces
             elif certificate().upper < 0.5:
                 break
-        return False
+        return None
 
     def _shares(
         self, problem: LimitProgram, what: str, formulation: Formulation, has_rows: bool = True

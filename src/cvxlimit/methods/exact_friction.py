@@ -63,7 +63,7 @@ class ExactFriction(Method):
             outer, above = yield from self._side(run, at_corners, divisions)
             run.remarks = sorted({*below.remarks, *above.remarks})
             if not inner.has_answer and inner is outer:
-                run.best = (below if inner is Status.LIVE_LOAD_HARMLESS else above).best
+                run.best = (above if inner is Status.DEAD_LOAD_UNSTABLE else below).best
                 return inner
             cells = f"{divisions.min()} to {divisions.max()} cells across a contact"
             run.remarks = [*run.remarks, cells]

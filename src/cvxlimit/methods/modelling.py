@@ -15,6 +15,7 @@ from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run, Steps, drive
+from cvxlimit.methods.wedging import judged
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.limits import smallest_conflict
 from cvxlimit.model.problem import LimitProgram
@@ -40,7 +41,7 @@ class OneProblem(Convex):
         search = ConvexSearch(run, "full", self.tolerance, self.budget, self.problem)
         status = yield from search.steps()
         self.problem.reference = search.certifier
-        return status
+        return judged(run) if status is Status.UNBOUNDED else status
 
     def _own(self, run: Run, problem: LimitProgram) -> Steps:
         """Solves with limits or an aim of the user's, with both bounds, where all of them are

@@ -32,6 +32,7 @@ from cvxlimit.methods.interaction.restriction.lower_bound import (
     TrueStrength,
     central_states,
 )
+from cvxlimit.methods.wedging import without_limit
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.point_friction import ExactFlow
 from cvxlimit.model.statics import Statics
@@ -194,9 +195,8 @@ class _ProvedAgain:
                 return
         if self.solution.status is Status.DEAD_LOAD_UNSTABLE:
             yield self._falls()
-        elif self.solution.status is Status.LIVE_LOAD_HARMLESS:
-            yield self._harmless()
-            yield from self._above_thrusts(self.run.auxiliary_run())  # nothing slides below it
+        elif self.solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
+            yield without_limit(self._harmless(), self.run, self.solution)
         else:
             yield from self._certified()
         if end is not None:
@@ -262,12 +262,11 @@ class _ProvedAgain:
         return Check(claim, upper < enough, "by the mechanism")
 
     def _harmless(self) -> Check:
-        claim = "the live load does no harm"
+        claim, live = "the live load does no harm", self.run.assemblage.statics.live
         if self.forces is None:
             return Check(claim, False, "there are no forces that show it")
         search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
         surfaces, formulation = search.certifier.strength.recession()
-        live = self.run.assemblage.statics.live
         loaded = search.reductions.assemblage.under(live, live)
         strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
         if strength_of(loaded).is_internal:
@@ -301,8 +300,8 @@ class _ProvedAgain:
                 f"({solution.moments!r}), which no file holds: give them as moments=..."
             )
         run.moments = reading or parse_moments(self.moments or "")
-        if solution.status is Status.LIVE_LOAD_HARMLESS:
-            yield self._harmless_inside()
+        if solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
+            yield without_limit(self._harmless_inside(), run, solution)
         elif solution.status is Status.DEAD_LOAD_UNSTABLE:
             yield self._cannot_stand()
         else:

@@ -173,6 +173,7 @@ def told(answer: Answer, turned: Bracket, alone: str) -> str:
     does without it."""
     said = f"the dead load stands only together with a part of the live load ({alone} without it)"
     if answer.load_factor is None and answer.lower_end is not None:
-        said += f", and with any multiple of it from {rounded(answer.lower_end.load_factor, 6)} on"
+        least = rounded(answer.lower_end.load_factor, 6)
+        said += f", and with any multiple of it from {least} on if sliding dilates joints"
     basis = turned.basis.replace("lower bound", "\0").replace("upper bound", "lower bound")
     return f"{said}; at the lower end {basis.replace(chr(0), 'upper bound')}"

@@ -1,102 +1,116 @@
-"""Live loads of which any multiple is carried: by what presses joints, or by dilatancy alone?"""
+"""Live loads of which any multiple is carried with dilatancy: do they no harm without it either?
+
+Associated friction lets joints press as hard as it takes, since they would open as they slide. So
+forces that carry any multiple of the live load say nothing about friction without dilatancy: a
+wedge in a groove jams with it and slides without it. There are three readings.
+
+- The live load does no harm. This is proved where forces *without any friction* carry it alone, and
+  others carry the dead load: joints that do not penetrate then let no load do work, however they
+  slide. Where that takes friction, it is proved with no more of it than joints have in every state
+  of forces (:mod:`cvxlimit.methods.dilatancy.unbounded`).
+- Joints slide without dilatancy: a solution that does was found.
+- It is not known.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 
-import cvxpy as cp
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.base.attached import attached
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.methods.checks import Check
+from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.problem import LimitProgram
-from cvxlimit.model.statement import Stated
-from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
-from cvxlimit.solvers import LimitState
-from cvxlimit.surfaces.base import times
-from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, strength_key
+from cvxlimit.model.statics import DOF
+from cvxlimit.reductions.choice import loaded_blocks
+from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import rounded
+from cvxlimit.solution.kinematics import Dilatancy
+from cvxlimit.surfaces.coulomb import strength_key
 
-_AT_LIMIT = 1e-4
-"""Reserve of friction, relative, below which joints slide for all that is known of friction; where
-they do it comes out at 1e-9 in planes, and at 1e-5 in space after a few rounds."""
-
-_ROUNDS = 8
-"""Pairs of problems: their loss never rises, and three are enough as a rule."""
+_BEYOND = 1e-4
+"""Where the dead load stands only with a part of the live load, the proof begins so much beyond the
+least one, relative: there, forces are at their limit."""
 
 
-@dataclass(frozen=True, eq=False)
-class _LeastPressed:
-    """Goal: forces that carry the live load alone, of the least compression at given prices."""
+def judged(run: Run, is_plain: bool = True) -> Status:
+    """Which of the three readings a run has that ended :attr:`Status.UNBOUNDED
+    <cvxlimit.solution.Status.UNBOUNDED>`: the status, with what shows it in ``run.best``.
 
-    price: cp.Parameter
-
-    def __call__(self, stated: Stated) -> Any:
-        stated.into.zero(stated.factor - 1.0 / stated.assemblage.scaling.load_factor(1.0))
-        pressure = stated.forces["N"]
-        return -np.ones(pressure.size) @ times(self.price, pressure)
-
-
-def carried_by_dilatancy(run: Run) -> Dilatancy | None:
-    """How joints slide under the live load alone, if forces carry it only because they dilate.
-
-    Associated friction lets joints press as hard as it takes, since they would open as they slide.
-    Without dilatancy a structure is at collapse where its forces carry no more than they do with
-    their own friction held fixed, mu N a number: mechanism and forces are then a solution without
-    dilatancy. So forces are sought that press the joints as little as can be, at prices that follow
-    the slips of that mechanism, each pair of problems losing less than the one before. Ending with
-    no reserve of friction, they prove that the live load makes the joints slide; otherwise, that
-    no such forces were found, as where the load presses joints itself: None. It is also None for
-    surfaces of one's own, whose friction may be another, and for supports that are guided.
+    Forces without friction show that the live load does no harm under any law of friction. The rest
+    is Coulomb's without interaction: it is asked for where ``is_plain`` is true, and if the
+    extension that knows it is there. Guided supports are asked for reactions: they keep their
+    status.
     """
-    is_plain = run.formulation is corner_compressions
-    has_friction = len(run.surfaces) > 1 or not is_plain  # at points: it is no surface then
-    is_known = strength_key(run.surfaces, run.contacts) is not None
-    if not (has_friction and is_known and run.assemblage.statics.guide is None):
-        return None
-    alone = run.assemblage.alone(run.assemblage.statics.live)
-    contacts, mu = alone.contacts, alone.contacts.friction
-    price, reserve = cp.Parameter(len(contacts), nonneg=True), np.inf
-    with run.clock.phase("compile"):
-        problem = LimitProgram(alone, DEFAULT_SURFACES, goal=_LeastPressed(price))
-    price.value = np.ones(len(contacts))
-    for _ in range(_ROUNDS):
-        pressed = _solved(run, problem, "least compression under the live load")
-        if pressed.forces is None:
-            return None
-        fixed = _with_friction_of(alone, np.maximum(pressed.forces[:, COLUMN["N"]], 0.0))
-        found = _solved(run, LimitProgram(fixed, DEFAULT_SURFACES), "friction held fixed")
-        if found.mechanism is None or found.load_factor is None or found.load_factor <= 0.0:
-            return None
-        relative = alone.statics.relative_rates(found.mechanism)
-        if found.load_factor <= 1.0 + _AT_LIMIT:
-            sliding, moving = sliding_joints(run.scene, relative, found.mechanism)
-            return Dilatancy(np.inf, sliding, moving)
-        if found.load_factor > (1.0 - _AT_LIMIT) * reserve:
-            return None
-        reserve = found.load_factor
-        slip = np.maximum(
-            np.hypot(relative[:, COLUMN["V1"]], relative[:, COLUMN["V2"]]),
-            contacts.torsion_arm * np.abs(relative[:, COLUMN["MT"]]),
-        )
-        price.value = mu * slip / np.max(mu * slip, initial=1e-300)
+    if run.assemblage.statics.guide is not None:
+        return Status.UNBOUNDED
+    start, end = 0.0, run.best.lower_end
+    if end is not None:
+        start = end.load_factor + _BEYOND * run.scaling.unit(end.load_factor)
+    run.tell("checking whether the live load does any harm without dilatancy")
+    status = Status.UNBOUNDED
+    forces = carried_without_friction(run, start)
+    if forces is not None:
+        status = Status.LIVE_LOAD_HARMLESS
+        if is_plain:  # those with interaction are strictly inside, and these need not be
+            run.best = replace(run.best, forces=forces)
+    else:
+        run.best = replace(run.best, dilatancy=Dilatancy(np.inf))
+        extension = _extension()
+        if is_plain and extension is not None:
+            status = extension(run, start)
+    if status is Status.LIVE_LOAD_HARMLESS and end is not None:
+        run.remarks.append(f"from {rounded(start, 6)} on it does no harm without dilatancy either")
+    return status
+
+
+def without_limit(check: Check, run: Run, solution: Solution) -> Check:
+    """The check of forces that carry the live load alone as what a solution claims of them: that it
+    does no harm is sought and proved anew, by a run of its scene."""
+    if solution.status is Status.UNBOUNDED:
+        return replace(check, claim="any multiple of the live load is carried with dilatancy")
+    aside = run.auxiliary_run()
+    aside.best = replace(aside.best, lower_end=solution.lower_end)
+    is_plain = solution.interaction == "none" and solution.torsion_shear == "linear"
+    if check.is_met and judged(aside, is_plain) is not Status.LIVE_LOAD_HARMLESS:
+        return replace(check, is_met=False, found="forces carry it alone, but by dilatancy")
+    return check
+
+
+def _extension() -> Callable[[Run, float], Status] | None:
+    """What knows more of friction without dilatancy, if it is there."""
+    with suppress(AttributeError, ModuleNotFoundError):
+        return attached("without_dilatancy")
     return None
 
 
-def _solved(run: Run, problem: LimitProgram, what: str) -> LimitState:
-    state, settings = run.try_solvers(problem.run, run.ladder or problem.ladder()[:2])
-    run.note(replace(state, load_factor=None), f"{settings}, {what}")
-    return state
+def carried_without_friction(run: Run, start: float) -> FloatArray | None:
+    """Forces (n, 6) without friction that carry the live load alone, if others carry the dead load
+    and ``start`` times the live load, so that all that is beyond is carried without friction; None
+    if none are found, and for surfaces of one's own, whose friction may be another."""
+    if strength_key(run.surfaces, run.contacts) is None:
+        return None
+    contacts, statics = run.contacts, run.assemblage.statics
+    smooth = replace(contacts, friction=np.zeros(len(contacts)))
+    aside = run.auxiliary_run(with_contacts_of(run.assemblage, smooth))
+    search = ConvexSearch(aside, run.model)
+    # parts without live load carry their dead load by themselves, however they do it
+    is_loaded = np.repeat(loaded_blocks(statics), DOF)
+    at_start = np.where(is_loaded, statics.dead + start * statics.live, 0.0)
+    is_empty = not at_start.any()
+    if not is_empty and search.carrying(at_start, search.surfaces, run.formulation) is None:
+        return None
+    return search.carrying(statics.live, *search.certifier.strength.recession())
 
 
-def _with_friction_of(alone: Assemblage, pressure: FloatArray) -> Assemblage:
-    """The same with cohesion in place of friction: as much as compressions (n,) mobilise."""
-    contacts = alone.contacts
-    cohesion = contacts.friction * pressure / contacts.area
-    own = replace(contacts, friction=np.zeros(len(contacts)), cohesion=cohesion)
-    statics = replace(alone.statics, contacts=own)
-    statics.__dict__["matrix"] = alone.statics.matrix
-    return replace(alone, statics=statics, repeats=None)
+def with_contacts_of(assemblage: Assemblage, contacts: Contacts) -> Assemblage:
+    """The same mechanics with other strengths of its contacts."""
+    statics = replace(assemblage.statics, contacts=contacts)
+    statics.__dict__["matrix"] = assemblage.statics.matrix
+    return replace(assemblage, statics=statics, repeats=None)

@@ -57,6 +57,8 @@ def refuse_answer(initial: Solution) -> None:
         why = "the dead load does not stand alone"
     elif initial.status is Status.LIVE_LOAD_HARMLESS:
         why = "the live load does no harm, so that nothing moves under it"
+    elif initial.status is Status.UNBOUNDED:
+        why = "its load factor has no limit with dilatancy: flow='zero-dilatancy' may begin one"
     elif initial.load_factor is None:
         why = f"its load factor was not found ({initial.status})"
     if why:

@@ -10,7 +10,7 @@ import numpy as np
 from cvxlimit.base.arrays import SMALL, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import TOLERANCE, rounded
+from cvxlimit.solution.bracket import TOLERANCE, rounded, rounded_down
 
 VISIBLE = 0.01
 """Contact rates below this fraction of the largest corner speed are not counted as movement, nor
@@ -122,7 +122,7 @@ class Dilatancy:
         Power of compressions on the openings that go with sliding, over the power of the live load
         at the load factor: 0 where blocks rock, 1 where they only slide. It is also the relative
         change of the load factor with that of all friction. Infinite where any multiple of the
-        live load is carried, and by dilatancy alone.
+        live load is carried, and whether without dilatancy is not proved.
     sliding : tuple of str
         Names of the contacts that slide or twist in the mechanism, where ``share`` is above
         :data:`~cvxlimit.base.arrays.SMALL`; else none.
@@ -130,6 +130,9 @@ class Dilatancy:
         Contacts that open, slide or twist.
     safe : float
         Load factor below which nothing slides without dilatancy, proved; 0 where none is known.
+    slides_at : float or None
+        Where any multiple is carried with dilatancy: the lowest load factor found at which joints
+        slide without it; None where none is known.
     nearly : float or None
         A load factor that nearly holds without dilatancy, where it was looked for: ``lacks`` is the
         share by which its own forces, with friction held as they have it, carry more. It is neither
@@ -147,6 +150,7 @@ zero-dilatancy) answers without dilatancy
     sliding: tuple[str, ...] = ()
     moving: int = 0
     safe: float = 0.0
+    slides_at: float | None = None
     nearly: float | None = None
     lacks: float | None = None
 
@@ -158,8 +162,15 @@ zero-dilatancy) answers without dilatancy
 
     @property
     def is_all(self) -> bool:
-        """True where any multiple of the live load is carried, by dilatancy alone."""
+        """True where any multiple of the live load is carried with dilatancy, and without it the
+        load slides or nothing is known."""
         return bool(np.isinf(self.share))
+
+    @property
+    def known(self) -> str:
+        """In two words, where any multiple of the live load is carried with dilatancy."""
+        slides_at = self.slides_at
+        return "not known" if slides_at is None else f"slides at {rounded(slides_at, 5)}"
 
     def __str__(self) -> str:
         """One sentence, empty where there is nothing to say."""
@@ -168,15 +179,7 @@ zero-dilatancy) answers without dilatancy
         named, more = ", ".join(self.sliding[:_NAMED]), len(self.sliding) - _NAMED
         named += f" and {more} more" if more > 0 else ""
         if self.is_all:
-            joints = f"without it joints slide ({named})" if named else "without it joints slide"
-            if self.safe > 0.0:
-                safe = f"{float(rounded(self.safe, 5)):g}"
-                joints += f", none of them below a load factor of {safe} (proved)"
-            return (
-                "forces that carry any multiple of the live load were found and checked, but they "
-                f"rest on dilatancy alone, which presses joints that cannot open: {joints}, and "
-                "method 'zero-dilatancy' (--method zero-dilatancy) finds from which load on"
-            )
+            return self._without_limit(named)
         count = f"{len(self.sliding)} of {self.moving} joints that move"
         slides = "slides and opens" if len(self.sliding) == 1 else "slide and open"
         joints = f"{count} ({named}) {slides}" if named else "joints slip where they open"
@@ -191,6 +194,23 @@ zero-dilatancy) answers without dilatancy
             f"{joints} by dilatancy, which takes {100.0 * self.share:.3g} % of the live load's "
             "work: the load factor is on the unsafe side, and method 'zero-dilatancy' (--method "
             f"zero-dilatancy) answers without dilatancy{nearly}"
+        )
+
+    def _without_limit(self, named: str) -> str:
+        """The sentence where any multiple of the live load is carried with dilatancy."""
+        method = "method 'zero-dilatancy' (--method zero-dilatancy)"
+        proved = f"below {float(rounded_down(self.safe, 5)):g} they do not (proved)"
+        proved = f", and {proved}" if self.safe > 0.0 else ""
+        if self.slides_at is None:
+            return (
+                "with dilatancy any multiple of the live load is carried; whether joints slide "
+                f"without it is not known{proved}: {method} looks for loads at which they do"
+            )
+        joints = f"joints slide ({named})" if named else "joints slide"
+        return (
+            f"without dilatancy {joints} at a load factor of {rounded(self.slides_at, 5)}, the "
+            f"lowest found{proved}, and {method} looks for lower ones; with it any multiple of "
+            "the live load is carried, since joints press as hard as it takes"
         )
 
 

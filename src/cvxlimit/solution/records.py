@@ -22,12 +22,13 @@ class Status(StrEnum):
     SOLVER_FAILED = "solver failed"
     DEAD_LOAD_UNSTABLE = "dead load cannot stand"
     LIVE_LOAD_HARMLESS = "live load does no harm"
+    UNBOUNDED = "no limit with dilatancy"
     INTERRUPTED = "interrupted"
 
     @property
     def has_answer(self) -> bool:
         """False when no load factor exists at all."""
-        return self not in (Status.DEAD_LOAD_UNSTABLE, Status.LIVE_LOAD_HARMLESS)
+        return self not in (Status.DEAD_LOAD_UNSTABLE, Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED)
 
     @property
     def is_good(self) -> bool:
@@ -69,8 +70,13 @@ _ADVICE = {
         "the friction or the dead load"
     ),
     Status.LIVE_LOAD_HARMLESS: (
-        "forces that carry any multiple of the live load were found and checked: "
-        "change the direction of the live load"
+        "forces that carry any multiple of it, with no more friction than joints have in every "
+        "state of forces, were found and checked: change the direction of the live load"
+    ),
+    Status.UNBOUNDED: (
+        "forces that carry any multiple of the live load were found and checked, but joints may "
+        "be pressed so hard only because they would open as they slide: this says nothing of "
+        "friction without dilatancy, which method 'zero-dilatancy' (--method zero-dilatancy) has"
     ),
     Status.INTERRUPTED: "the bracket is what was proved until then; let it run longer",
 }

@@ -163,7 +163,7 @@ class Solution:
         if self.is_answered and not self.status.is_good:
             return "certified, without an upper end"
         if self.dilatancy is not None and self.dilatancy.is_all:
-            return "carried by dilatancy alone"
+            return f"{self.status}, {self.dilatancy.known} without it"
         if width <= 1e-6 or not self.status.is_good:
             return str(self.status)
         return f"{self.status} within {rounded_up(100.0 * width, 2)} %"
@@ -213,13 +213,14 @@ class Solution:
         if self.interval is None:
             return ""
         low, high = (rounded(end, 6) for end in self.interval)
-        return f"{low} and more" if self.load_factor is None else f"{low} to {high}"
+        more = " and more" if self.is_answered else " and more with dilatancy"
+        return low + more if self.load_factor is None else f"{low} to {high}"
 
     @property
     def is_answered(self) -> bool:
-        """True when the answer keeps its promise: the status is good, or the lower end of an
-        interval without an upper one is certified."""
-        return self.status.is_good or (self.lower_end is not None and not self.status.has_answer)
+        """True when the status is good, or the lower end is, and any more proved to do no harm."""
+        is_harmless = self.status is Status.LIVE_LOAD_HARMLESS
+        return self.status.is_good or (self.lower_end is not None and is_harmless)
 
     @property
     def gap(self) -> float:

@@ -41,7 +41,7 @@ class TestClosedForms:
     def test_cohesion_of_both_joints(self) -> None:
         """Nothing clamps it in the lowest one: mu + c A / W below, c A / W above."""
         scene = wedged().with_cohesion(0.15)
-        assert solve(scene).status is Status.LIVE_LOAD_HARMLESS
+        assert solve(scene).status is Status.UNBOUNDED
         assert lowest(scene) == pytest.approx(0.4 + 2 * 0.15, rel=1e-5)
 
     def test_mortar_slides_with_the_cohesion_it_has(self) -> None:

@@ -22,11 +22,13 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray
+from cvxlimit.base.arrays import SMALL, BoolArray, FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.dilatancy.tresca import is_friction, tresca
 from cvxlimit.methods.driver import Run
+from cvxlimit.methods.wedging import with_contacts_of
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import LargestFactor, Stated
@@ -36,6 +38,7 @@ from cvxlimit.proof.minorant import minorant
 from cvxlimit.reductions.choice import Reductions, contacts_of, loaded_blocks
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import number, stated, times
+from cvxlimit.surfaces.coulomb import strength_key
 
 PATIENCE = 2.0
 """Seconds that an answer may always spend on this bound, else as many as it has taken so far: ten
@@ -48,6 +51,9 @@ asked again. All of them together change friction by that share of the load at m
 
 _RISE = 1e-4
 """Relative rise of the bound in a round below which no further one is begun."""
+
+_FAR = 1e3
+"""Load factors, over those of natural size, at which least thrusts show how they grow."""
 
 _FEWER = 0.9
 """Joint problems for the sum of all open thrusts go on while they leave at most this share open."""
@@ -100,6 +106,14 @@ def lower_bound(
         After which no further least thrust is sought; what those found by then exclude is.
     """
     return _Search(run, upper, states, seconds).bound()
+
+
+def excluded_without_end(run: Run, start: float, seconds: float = np.inf) -> LowerBound:
+    """What least thrusts exclude from ``start`` on, of a load of which any multiple is carried with
+    dilatancy. Where that is every solution, however large its load factor, the bound is infinite,
+    and its ``forces`` carry the live load alone with the friction that least thrusts gain with the
+    load factor."""
+    return _Search(run, np.inf, (), seconds).bound(start, has_end=False)
 
 
 def is_covered(run: Run) -> bool:
@@ -183,7 +197,7 @@ class _Search:
                 "stated by surfaces"
             )
         self.run, self.until, self.upper = run.auxiliary_run(), time.perf_counter() + seconds, upper
-        self.solves, self.factor = 0, 0.0
+        self.solves, self.factor, self.rise = 0, 0.0, _RISE
         self.random = np.random.default_rng(0)
         # parts without live load carry their dead load by themselves, however they do it
         given, loaded = run.assemblage, loaded_blocks(run.assemblage.statics)
@@ -204,20 +218,30 @@ class _Search:
         with run.clock.phase("certify"):
             self.certifier = Certifier(found.assemblage, run.surfaces)
 
-    def bound(self) -> LowerBound:
+    def bound(self, start: float = 0.0, has_end: bool = True) -> LowerBound:
         """Returns the bound after rounds of least thrusts, each at the bound so far, until a round
-        hardly raises it."""
-        a, forces, rounds, is_cut = 0.0, None, 0, False
-        while a < self.upper:
+        hardly raises it. Unless it ``has_end``, each round begins by asking whether all load
+        factors from there on are excluded, and rises that are not worth a word end it."""
+        a, forces, rounds, is_cut = start, None, 0, False
+        self.rise = _RISE if has_end else SMALL
+        while a < self.upper and not self.run.is_boundless(a):
             rounds += 1
             is_cut = self._tighten(a)
+            if not (has_end or is_cut):
+                ray = self._endless(a)
+                if ray is not None:
+                    a, forces = np.inf, ray
+                    break
+                self.upper = 2.0 * max(a, self.part.scaling.ratio)
             before = a
             a, forces, was_cut = self._excluded(a, forces)
             is_cut = is_cut or was_cut
-            if is_cut or a - before <= _RISE * a:
+            if is_cut or a - before <= self.rise * a:
                 break
+            self.upper = self.upper if has_end else np.inf
         thrusts, whole = np.zeros(self.count), None
-        thrusts[self.kept] = self.thrusts.least(a, a)
+        if np.isfinite(a):
+            thrusts[self.kept] = self.thrusts.least(a, a)
         if forces is not None:
             whole = np.zeros((self.count, len(COMPONENTS)))
             whole[self.kept] = forces
@@ -311,12 +335,53 @@ class _Search:
                 width *= 2.0
                 continue
             lost = self._friction() @ (self.thrusts.least(a, a) - least)
-            if rise > _RISE * a and rise > 0.5 * width:
+            if rise > self.rise * a and rise > 0.5 * width:
                 continue
-            if width <= _RISE * a or lost <= _LOST * self.part.scaling.force:
+            if width <= self.rise * a or lost <= _LOST * self.part.scaling.force:
                 return a, forces, False
             width *= 0.5
         return a, forces, False
+
+    def _endless(self, a: float) -> FloatArray | None:
+        """Returns forces (n, 6) that show that all load factors from ``a`` on are excluded.
+
+        Bounds of least thrusts that are lines, c + s alpha, never fall below zero from ``a`` on
+        where they are not below it at ``a`` and s >= 0. Then so much friction carries every such
+        load factor if that of c + s a carries ``a``, and that of s alone the live load alone: the
+        forces of one and a multiple of those of the other are forces for any. Of each joint it
+        takes the line that is highest at ``a``, then the one that is highest far beyond.
+        """
+        contacts = self.part.contacts
+        is_known = strength_key(self.run.surfaces, contacts) is not None
+        if not is_known or np.isfinite(contacts.compressive_strength).any():
+            return None  # stone that crushes has no such multiples
+        far = _FAR * self.part.scaling.ratio + a
+        if self._tighten(far):
+            return None
+        lines = zip(*self.thrusts.lines, strict=True)
+        constant, slope, rounding = (np.array(part) for part in lines)
+        slope = slope - rounding
+        at_a = np.where(slope >= 0.0, constant + slope * a, -1.0)
+        dead, live = self.part.statics.dead, self.part.statics.live
+        for at in (a, far):
+            line = np.where(at_a >= 0.0, constant + slope * at, -1.0).argmax(axis=0)
+            least, gained = (np.take_along_axis(x, line[None], axis=0)[0] for x in (at_a, slope))
+            if self._carrying(dead + a * live, least, contacts.cohesion) is not None:
+                forces = self._carrying(live, gained, 0.0)
+                if forces is not None:
+                    return forces
+        return None
+
+    def _carrying(
+        self, load: FloatArray, pressed: FloatArray, cohesion: FloatArray | float
+    ) -> FloatArray | None:
+        """Returns forces (n, 6) that carry a load alone with cohesion and the friction of these
+        compressions (n,), which is further cohesion."""
+        contacts = self.part.contacts
+        further = contacts.friction * np.maximum(pressed, 0.0) / contacts.area
+        held = replace(contacts, friction=0.0 * contacts.friction, cohesion=cohesion + further)
+        search = ConvexSearch(self.run.auxiliary_run(with_contacts_of(self.part, held)), "full")
+        return search.carrying(load, search.surfaces, self.run.formulation)
 
     def _carried(self, pressed: FloatArray, most: float) -> tuple[float, FloatArray | None]:
         """Returns the proved load factor, at most ``most``, that friction of these compressions

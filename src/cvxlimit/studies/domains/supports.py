@@ -390,7 +390,7 @@ class Structure:
         internal = raw.given if self.certifier.strength.is_internal else None
         if made.ray is not None:
             run.best = Answer(None, Bracket(), raw.forces, None, internal=internal)
-            return about, packed(asked, run, Status.LIVE_LOAD_HARMLESS)
+            return about, packed(Convex(), run, Status.UNBOUNDED)
         lower = -np.inf if made.point is None else float(made.point @ about) / float(about @ about)
         upper = made.offset / push if push > 1e-9 else np.inf
         proofs = made.point_is_proved, made.half_space_is_proved
