@@ -28,12 +28,12 @@ from benchmarks.experiment import Head, Lines, Part, Title, experiment
 from benchmarks.rows import Rows
 from benchmarks.scenes import drums, irregular_wall, prisms
 from cvxlimit import Scene
-from cvxlimit.methods.certified import Certified
+from cvxlimit.extensions.interaction.certified import Certified
+from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
+from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBounds
+from cvxlimit.extensions.interaction.states.support import half_extent
 from cvxlimit.methods.driver import Run, Steps, drive
-from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
-from cvxlimit.readings.states.pressure import Pressure
-from cvxlimit.readings.states.support import half_extent
+from cvxlimit.readings.pressure import Pressure
 from cvxlimit.solvers import settings_for
 
 FloatArray = NDArray[np.float64]

@@ -228,7 +228,7 @@ def test_rows_between_walls(cubes: int, surface: str) -> None:
 
 def test_an_extension_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """What needs no friction is still proved, and nothing else is said."""
-    monkeypatch.setattr("cvxlimit.conveniences.PLACES", {})
+    monkeypatch.setattr("cvxlimit.plotting.reports.PLACES", {})
     assert slides_at(solve(clamped())) is None
     assert solve(keystone((0, 0, -1))).status is Status.LIVE_LOAD_HARMLESS
     assert solve(pushed(30.0)).status is Status.UNBOUNDED

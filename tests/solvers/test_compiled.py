@@ -193,7 +193,11 @@ def test_built_in_other_ways(way: str, tmp_path: Path) -> None:
     assert made.returncode == 0, made.stdout + made.stderr
     many = run("-c", PROGRAMS)
     assert many.returncode == 0, many.stdout + many.stderr[-3000:]
-    chosen = ["tests/solvers/test_interior.py", "tests/solvers/test_sparse.py", __file__]
+    chosen = [
+        "tests/extensions/blockcone/test_interior.py",
+        "tests/solvers/test_sparse.py",
+        __file__,
+    ]
     tests = run("-m", "pytest", "-q", "-x", *chosen[:2], "tests/solvers/test_compiled.py")
     assert tests.returncode == 0, tests.stdout[-3000:] + tests.stderr[-3000:]
 

@@ -19,7 +19,7 @@ from cvxlimit import Block, Load, Scene, Solution, Status, Units, builtin_scene,
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, running_bond, single_block, stack, wall
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.solution import Iterate
 from cvxlimit.solvers import (
     SOLVERS,

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from cvxlimit import conveniences
-from cvxlimit.conveniences import PLACES
+from cvxlimit.plotting import reports as conveniences
+from cvxlimit.plotting.reports import PLACES
 
 SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 
@@ -170,7 +170,7 @@ def test_what_is_imported_by_name_hides_no_arrow() -> None:
         and not what.removeprefix("f").startswith(f"'cvxlimit.{name.split('.')[0]}.")
     }
     assert upward == {
-        ("base.attached", "'cvxlimit.conveniences'"),
+        ("base.attached", "'cvxlimit.plotting.reports'"),
         ("conveniences", "f'cvxlimit.{module}'"),
     }
     places = {module for module, _ in PLACES.values()}

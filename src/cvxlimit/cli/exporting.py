@@ -24,7 +24,7 @@ from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import known

@@ -24,17 +24,17 @@ import typer
 from rich.text import Text
 
 from cvxlimit.base.versions import __version__
-from cvxlimit.cli.comparing import compare_command
-from cvxlimit.cli.domains import domain_command
 from cvxlimit.cli.exporting import export_command
-from cvxlimit.cli.following import pushover_command
-from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.options import Job
 from cvxlimit.cli.proving import prove_command
 from cvxlimit.cli.report import ExitCode, listing, refuse, show
 from cvxlimit.cli.solving import explain_command, settle_command, show_command, solve_command
-from cvxlimit.cli.sweeping import sweep_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError, NoAnswerError
+from cvxlimit.extensions.compare.command import compare_command
+from cvxlimit.extensions.importing.command import import_command
+from cvxlimit.extensions.paths.command import pushover_command
+from cvxlimit.extensions.studies.command import sweep_command
+from cvxlimit.extensions.studies.domains.command import domain_command
 from cvxlimit.io import json_schema
 from cvxlimit.masonry import BUILTIN
 

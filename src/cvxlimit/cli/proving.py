@@ -12,8 +12,8 @@ from cvxlimit.cli.options import argument, command_of, option
 from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
+from cvxlimit.extensions.studies import prove
 from cvxlimit.io.fields import one_line
-from cvxlimit.studies import prove
 
 
 @dataclass(frozen=True, kw_only=True)

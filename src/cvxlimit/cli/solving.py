@@ -47,14 +47,14 @@ from cvxlimit.cli.report import (
     warn_of_geometry,
 )
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
+from cvxlimit.extensions.importing.reading import READERS
+from cvxlimit.extensions.interaction.certified import Certified
 from cvxlimit.io import export, read_scene, write_result
+from cvxlimit.io.exporting import EXPORTS
 from cvxlimit.io.fields import encoded, one_line
-from cvxlimit.io.geometry.export import EXPORTS
-from cvxlimit.io.geometry.importing import READERS
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
-from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE

@@ -9,9 +9,9 @@ other programs is read by :func:`import_geometry`. What cannot be read is refuse
 from typing import Any
 
 from cvxlimit.errors import InputError
-from cvxlimit.io.geometry.export import export
-from cvxlimit.io.geometry.importing import Imported, import_geometry, read_bodies
-from cvxlimit.io.paths import PATH, read_path, write_path
+from cvxlimit.extensions.importing.reading import Imported, import_geometry, read_bodies
+from cvxlimit.extensions.paths.files import PATH, read_path, write_path
+from cvxlimit.io.exporting import export
 from cvxlimit.io.results import RESULT, read_result, result_from_dict, result_to_dict, write_result
 from cvxlimit.io.scenes import (
     SCENE,

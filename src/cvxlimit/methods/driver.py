@@ -115,7 +115,7 @@ class Run:
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.model.problem import LimitProgram
+    >>> from cvxlimit.model.program import LimitProgram
     >>> run = Run(builtin_scene("single-block"))
     >>> state = run.solve(LimitProgram(run.assemblage).run, SolverSettings("CLARABEL"))
     >>> round(state.load_factor, 5), run.clock.seconds["solve"] > 0.0

@@ -1,7 +1,7 @@
 """Eq. 30 where it is convex: with the eccentricities frozen, in Parameters.
 
 Eq. 30 has the torsion arm c and the eccentricities e1, e2 of the normal force, which depend on the
-forces themselves. Fixed at those of a given :class:`~cvxlimit.readings.states.pressure.Pressure`
+forces themselves. Fixed at those of a given :class:`~cvxlimit.readings.pressure.Pressure`
 they are numbers, and the conditions of a contact are cones (Eq. 32, surfaces/frozen.py). A problem
 is stated once; solved at another pressure, only the values of its Parameters change.
 
@@ -18,15 +18,15 @@ from dataclasses import replace
 import cvxpy as cp
 import numpy as np
 
+from cvxlimit.extensions.interaction.halves import SymmetricHalf
+from cvxlimit.extensions.interaction.states.support import half_extent
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceModel, corner_compressions, resultants
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal
-from cvxlimit.readings.halves import SymmetricHalf
 from cvxlimit.readings.moments import Moments
-from cvxlimit.readings.states.pressure import Pressure
-from cvxlimit.readings.states.support import half_extent
+from cvxlimit.readings.pressure import Pressure
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces.cones import Cone

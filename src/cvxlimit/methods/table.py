@@ -11,10 +11,10 @@ import numpy as np
 
 from cvxlimit.base.checks import meant, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.certified import Certified
+from cvxlimit.extensions.dilatancy.gilbert import Gilbert
+from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
+from cvxlimit.extensions.interaction.certified import Certified
 from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.dilatancy.gilbert import Gilbert
-from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Method, Run
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.fixed_point import FixedPoint

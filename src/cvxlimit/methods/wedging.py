@@ -7,7 +7,7 @@ wedge in a groove jams with it and slides without it. There are three readings.
 - The live load does no harm. This is proved where forces *without any friction* carry it alone, and
   others carry the dead load: joints that do not penetrate then let no load do work, however they
   slide. Where that takes friction, it is proved with no more of it than joints have in every state
-  of forces (:mod:`cvxlimit.methods.dilatancy.unbounded`).
+  of forces (:mod:`cvxlimit.extensions.dilatancy.unbounded`).
 - Joints slide without dilatancy: a solution that does was found.
 - It is not known.
 """
@@ -21,13 +21,13 @@ from dataclasses import replace
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.attached import attached
+from cvxlimit.base.doors import attached
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.methods.checks import Check
 from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
+from cvxlimit.proof.checks import Check
 from cvxlimit.reductions.choice import loaded_blocks
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded

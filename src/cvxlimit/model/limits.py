@@ -21,9 +21,9 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.blockcone.own import Blockwise
 from cvxlimit.model.sinks import CONSTANT_COLUMN, Form, Rows, check_values
 from cvxlimit.model.statics import DOF
-from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.program import ConeProgram
 
 

@@ -15,14 +15,14 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.paths.path import PROVES, Path
+from cvxlimit.extensions.paths.pictures import curve
 from cvxlimit.geometry.strengths import PROPERTIES
-from cvxlimit.paths.path import PROVES, Path
 from cvxlimit.plotting.look import printable
-from cvxlimit.plotting.movement import motion
-from cvxlimit.plotting.paths import curve
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
 from cvxlimit.plotting.pictures.webpage import Page, asset, sentences
 from cvxlimit.plotting.registry import figures
+from cvxlimit.results.movement import motion
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up

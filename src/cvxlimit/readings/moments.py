@@ -15,28 +15,26 @@ import numpy as np
 
 from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.readings.settings import SUPPORT
-from cvxlimit.readings.states.cells import (
+from cvxlimit.extensions.interaction.states.cells import (
     Cells,
     corners_in,
     independent_cells,
     levered_cells,
 )
-from cvxlimit.readings.states.disjuncts import (
+from cvxlimit.extensions.interaction.states.disjuncts import (
     Disjuncts,
     corner_disjuncts,
     corner_places,
     disjuncts_at_places,
     spread_disjuncts,
 )
-from cvxlimit.readings.states.pressure import Pressure, own_arm
-from cvxlimit.readings.states.rectangles import (
+from cvxlimit.extensions.interaction.states.rectangles import (
     Rectangle,
     largest_anywhere,
     largest_centred,
 )
-from cvxlimit.readings.states.support import (
+from cvxlimit.extensions.interaction.states.settings import SUPPORT
+from cvxlimit.extensions.interaction.states.support import (
     Asked,
     Range,
     Support,
@@ -46,6 +44,8 @@ from cvxlimit.readings.states.support import (
     levered_support,
     whole_boxes,
 )
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.readings.pressure import Pressure, own_arm
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.frozen import (
     Eccentricity,

@@ -5,6 +5,7 @@ put on a ladder even without. One that CVXPY does not know is a class like :clas
 may stand on a ladder itself, or in such a row.
 """
 
+from cvxlimit.extensions.blockcone.own import Blockwise
 from cvxlimit.solvers.ladders import (
     Ladder,
     Shape,
@@ -20,7 +21,6 @@ from cvxlimit.solvers.ladders import (
     tight_ladder,
     warm_ladder,
 )
-from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.running import LimitState, Outcome, run
 from cvxlimit.solvers.table import (
     SOLVERS,

@@ -29,7 +29,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import meant
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import ModelError
-from cvxlimit.solvers.own import Blockwise
+from cvxlimit.extensions.blockcone.own import Blockwise
 from cvxlimit.solvers.running import Outcome, attempted, run
 from cvxlimit.solvers.table import SolverSettings, options_of
 

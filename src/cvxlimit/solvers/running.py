@@ -16,7 +16,7 @@ from cvxpy.reductions.solvers.solving_chain import SolvingChain
 from cvxpy.settings import ERROR, INF_OR_UNB, PARAM_PROB, SOLUTION_PRESENT
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.solvers.own import Blockwise
+from cvxlimit.extensions.blockcone.own import Blockwise
 from cvxlimit.solvers.table import SolverSettings, able, installed
 
 

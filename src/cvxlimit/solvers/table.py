@@ -17,8 +17,8 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC, SOLVER_MAP_QP
 from cvxlimit.base.checks import ratio
 from cvxlimit.base.versions import __version__, version_of
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.blockcone.own import OPTIONS, Blockwise, Rescaled
 from cvxlimit.solvers.extensions import INTERIOR
-from cvxlimit.solvers.own import OPTIONS, Blockwise, Rescaled
 
 
 @dataclass(frozen=True)

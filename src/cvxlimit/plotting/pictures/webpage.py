@@ -19,11 +19,11 @@ from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused, shapes_of
 from cvxlimit.plotting.camera import default_camera, thin_axis, upright
 from cvxlimit.plotting.look import Saved
-from cvxlimit.plotting.movement import Motion, displaced, free_size, motion, still
 from cvxlimit.plotting.picture import drawn_mesh, shown_bounds
 from cvxlimit.plotting.pictures.forces import thrust_of_blocks
 from cvxlimit.plotting.pictures.utilisation import used_shares
-from cvxlimit.readings.utilisation import contact_forces, least_used_state
+from cvxlimit.results.movement import Motion, displaced, free_size, motion, still
+from cvxlimit.results.utilisation import contact_forces, least_used_state
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded_down, rounded_up

@@ -1,0 +1,14 @@
+"""Extensions: each folder stands on the core alone, and may be left out.
+
+Nothing below ``cvxlimit`` outside this folder imports one of them, and none imports another.
+"""
+
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any
+
+
+def __getattr__(name: str) -> Any:
+    if name in {module.name for module in iter_modules(__path__)}:
+        return import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,1 @@
+"""A solver of this package for cones that fall apart into small blocks."""
