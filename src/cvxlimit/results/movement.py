@@ -11,7 +11,6 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.paths.path import rotation
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import (
@@ -164,3 +163,13 @@ def _block_rates(scene: Scene, solution: Solution) -> FloatArray:
         bad = scene.blocks[int(np.flatnonzero(~np.isfinite(rates).all(axis=1))[0])]
         raise InputError(f"the mechanism's rates of block {bad.id!r} must be finite")
     return rates
+
+
+def rotation(vector: FloatArray) -> FloatArray:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3): Rodrigues' formula."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(np.asarray(vector), -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
+    half = np.sinc(angle / (2.0 * np.pi))  # sinc keeps all digits near 0
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * cross @ cross)

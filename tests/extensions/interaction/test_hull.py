@@ -18,14 +18,14 @@ from cvxlimit.extensions.blockcone.interior import Point
 from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
-from cvxlimit.extensions.interaction.states.support import half_extent, whole_boxes
+from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import random_wall, single_block
 from cvxlimit.methods.driver import Run
 from cvxlimit.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.readings.named import parse_moments
-from cvxlimit.readings.pressure import effective_arm
+from cvxlimit.readings.pressure import effective_arm, half_extent
 from cvxlimit.scene import Units
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import settings_for

@@ -12,12 +12,13 @@ from cvxlimit.extensions.interaction.branching.tightening import Reach
 from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
 from cvxlimit.extensions.interaction.states.cells import triangles
-from cvxlimit.extensions.interaction.states.support import half_extent, whole_boxes
+from cvxlimit.extensions.interaction.states.states import states_of
+from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.masonry import random_wall, single_block
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.readings.named import MOMENTS
-from cvxlimit.readings.pressure import effective_arm
+from cvxlimit.readings.pressure import effective_arm, half_extent
 from cvxlimit.solvers import settings_for
 from determinate import arm_at, hexagons, prism, states, tangential
 from hull_in_cvxpy import hull_solved
@@ -125,7 +126,7 @@ def test_the_same_as_cvxpy_compiles(scene: Scene, name: str) -> None:
     assemblage = Assemblage.of(scene)
     written = HullProblem(assemblage)
     for boxes in (None, random_boxes(scene.contacts, rng)):
-        disjuncts = moments.box_disjuncts(scene.contacts, boxes)
+        disjuncts = states_of(moments).box_disjuncts(scene.contacts, boxes)
         ours = written.solve(disjuncts, TIGHT, relief_price=10.0)
         theirs = hull_solved(assemblage, disjuncts, TIGHT, 10.0)
         assert ours.load_factor is not None

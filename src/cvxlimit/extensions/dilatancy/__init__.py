@@ -1,1 +1,21 @@
-"""Friction that slides without opening: solutions, bounds, what associated answers owe to it."""
+"""Friction that slides without opening: solutions, bounds, what associated answers owe to it.
+
+Its doors are ``cvxlimit.methods`` (``zero-dilatancy``, ``gilbert``), ``cvxlimit.searches`` (the
+load factor below which nothing slides), ``cvxlimit.readings`` and ``cvxlimit.proofs``. To read:
+``tresca.py``, friction held at its size; ``pair.py``, one solution; ``members.py``, what proves it;
+``zero_dilatancy.py``, the search for the lowest; ``least_thrust.py`` and ``lifted.py``, bounds from
+below; ``first_look.py``; ``gilbert.py``.
+"""
+
+from cvxlimit.base.doors import Offered
+
+OFFERED: Offered = {
+    "cvxlimit.methods": {
+        "zero-dilatancy": "cvxlimit.extensions.dilatancy.zero_dilatancy:ZeroDilatancy",
+        "gilbert": "cvxlimit.extensions.dilatancy.gilbert:Gilbert",
+    },
+    "cvxlimit.readings": {
+        "without_dilatancy": "cvxlimit.extensions.dilatancy.unbounded:without_dilatancy",
+        "solution_first_look": "cvxlimit.extensions.dilatancy.first_look:first_look",
+    },
+}

@@ -71,7 +71,11 @@ class Followed:
     )
 
 
-@command_of(Followed)
+@command_of(
+    Followed,
+    "Exit code: 0 the path ends; 2 bad input; 3 no answer exists; 4 it was broken off, or a "
+    "bracket is wider than 1e-5.",
+)
 def pushover_command(asked: Followed) -> ExitCode:
     """Follow a structure after its collapse factor in finite displacements, with a bracket at every
     configuration."""
