@@ -307,6 +307,9 @@ class Method(ABC):
         What it takes besides dry contacts: keys of :data:`cvxlimit.methods.table.EXTRAS`.
     reduces : bool
         Whether it takes less than all of the scene where that is enough.
+    usual : float or None
+        Width of a bracket that counts as closed where no tolerance is asked for, if that is not the
+        default of the setting.
     """
 
     name: ClassVar[str]
@@ -315,6 +318,7 @@ class Method(ABC):
     surfaces: ClassVar[tuple[str, ...]] = ("conic", "facets", "parabolic", "own")
     takes: ClassVar[tuple[str, ...]] = ("formulation", "ties", "cohesion", "strength")
     reduces: ClassVar[bool] = True
+    usual: ClassVar[float | None] = None
 
     @abstractmethod
     def steps(self, run: Run) -> Steps:

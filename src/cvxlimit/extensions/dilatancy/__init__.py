@@ -14,6 +14,11 @@ OFFERED: Offered = {
         "zero-dilatancy": "cvxlimit.extensions.dilatancy.zero_dilatancy:ZeroDilatancy",
         "gilbert": "cvxlimit.extensions.dilatancy.gilbert:Gilbert",
     },
+    "cvxlimit.proofs": {
+        "zero-dilatancy": "cvxlimit.extensions.dilatancy.proving:checks",
+        "gilbert": "cvxlimit.extensions.dilatancy.proving:checks",
+        "least-thrust": "cvxlimit.extensions.dilatancy.proving:above_thrusts",
+    },
     "cvxlimit.readings": {
         "without_dilatancy": "cvxlimit.extensions.dilatancy.unbounded:without_dilatancy",
         "solution_first_look": "cvxlimit.extensions.dilatancy.first_look:first_look",

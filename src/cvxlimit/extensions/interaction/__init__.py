@@ -11,5 +11,6 @@ Its doors are ``cvxlimit.methods`` (``certified``) and ``cvxlimit.proofs``. How 
 from cvxlimit.base.doors import Offered
 
 OFFERED: Offered = {
+    "cvxlimit.proofs": {"certified": "cvxlimit.extensions.interaction.proving:checks"},
     "cvxlimit.methods": {"certified": "cvxlimit.extensions.interaction.certified:Certified"},
 }

@@ -91,6 +91,7 @@ class Certified(Method):
     name = "certified"
     answers = "interaction with bending (Eq. 26-32), proved from below and from above"
     surfaces, takes = ("conic",), ()
+    usual = BRACKET.good
 
     tolerance: float | None = None
     starts: tuple[str, ...] | None = None

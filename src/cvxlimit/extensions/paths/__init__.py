@@ -17,6 +17,7 @@ OFFERED: Offered = {
         "read_path": "cvxlimit.extensions.paths.files:read_path",
         "write_path": "cvxlimit.extensions.paths.files:write_path",
     },
+    "cvxlimit.proofs": {"cvxlimit-path": "cvxlimit.extensions.paths.proving:prove_path"},
     "cvxlimit.readings": {
         "path_table": "cvxlimit.extensions.paths.tables:path_table",
         "path_save": "cvxlimit.extensions.paths.files:write_path",

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,6 +195,8 @@ class Path:
     until : float
         Load factor that was asked for as its end.
     """
+
+    format: ClassVar[str] = "cvxlimit-path"
 
     initial: Solution
     configurations: tuple[Configuration, ...]

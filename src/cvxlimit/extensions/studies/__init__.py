@@ -14,6 +14,11 @@ OFFERED: Offered = {
         "sweep": "cvxlimit.extensions.studies.command:sweep_command",
         "domain": "cvxlimit.extensions.studies.domains.command:domain_command",
     },
+    "cvxlimit.documents": {"domain": "cvxlimit.extensions.studies.domains.document:DOMAIN"},
+    "cvxlimit.proofs": {
+        "cvxlimit-domain": "cvxlimit.extensions.studies.domains.proving:prove_domain",
+        "cvxlimit-sweep": "cvxlimit.extensions.studies.proving:prove_sweep",
+    },
     "cvxlimit.readings": {
         "scene_explore": "cvxlimit.extensions.studies.domains.exploring:explore",
     },

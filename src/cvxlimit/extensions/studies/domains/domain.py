@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,6 +79,8 @@ class LoadDomain:
     >>> bracket.lower <= 0.4 <= bracket.upper, bracket.width < 0.01
     (True, True)
     """
+
+    format: ClassVar[str] = "cvxlimit-domain"
 
     scene_name: str
     surface: str
