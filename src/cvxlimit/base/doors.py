@@ -9,7 +9,7 @@ reader or a picture, and nothing here knows of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, MutableMapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -33,11 +33,12 @@ def _loaded(name: str, place: str, group: str) -> Any:
     return EntryPoint(name, place, group).load()
 
 
-class Door(Mapping[str, Any]):
+class Door(MutableMapping[str, Any]):
     """What is offered in a group, by name.
 
-    It lists what this package and its extensions offer, beside the values in ``own``, which need no
-    place; what is installed besides is found when its name is asked for.
+    It lists what this package and its extensions offer, beside the values in ``own`` and those that
+    a program sets, which need no place; what is installed besides is found when its name is asked
+    for.
 
     Example
     -------
@@ -48,19 +49,25 @@ class Door(Mapping[str, Any]):
     def __init__(self, group: str, own: Mapping[str, Any] | None = None) -> None:
         self.group = group
         self._own, self._places = dict(own or {}), _PLACES.setdefault(group, {})
-        self._missing: set[str] = set()
+        self._found: dict[str, Any] = {}  # elsewhere, None where nobody has the name
 
     def __getitem__(self, name: str) -> Any:
         if name in self._own:
             return self._own[name]
-        if isinstance(name, str) and name in self._places:
+        if name in self._places:
             return _loaded(name, self._places[name], self.group)
-        if name not in self._missing:
-            for found in entry_points(group=self.group, name=name):
-                self._own[name] = found.load()
-                return self._own[name]
-            self._missing.add(name)
-        raise KeyError(name)
+        if name not in self._found:
+            entries = [*entry_points(group=self.group, name=name)]
+            self._found[name] = entries[0].load() if entries else None
+        if self._found[name] is None:
+            raise KeyError(name)
+        return self._found[name]
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        self._own[name] = value
+
+    def __delitem__(self, name: str) -> None:
+        del self._own[name]
 
     def __iter__(self) -> Iterator[str]:
         return iter({**self._own, **self._places})
@@ -82,11 +89,11 @@ class Door(Mapping[str, Any]):
             If it is not here.
         """
         if (found := self.get(name)) is None:
-            raise ModelError(f"{what} is not part of this installation: nothing offers {name!r}")
+            raise ModelError(f"{what} not part of this installation: nothing offers {name!r}")
         return found
 
 
 def attached(name: str) -> Any:
     """The function that does the work of a method above its class: ``scene.plot()`` reads better
     than a function of its own, but pictures see scenes, not they them."""
-    return Door("cvxlimit.readings").needed(name, f"what {name.replace('_', '.', 1)} reads off")
+    return Door("cvxlimit.readings").needed(name, f"{name.replace('_', '.', 1)} is")

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -110,7 +110,7 @@ class Files:
         inputs = {} if scene in BUILTIN else {scene: "the scene"}
         outputs = {"--json": None if self.is_piped else self.json, "--export": self.export}
         outputs["--report"] = self.report
-        kinds: dict[str, Sequence[str]] = {"export": EXPORTS, "report": (".html",)}
+        kinds: dict[str, Collection[str]] = {"export": EXPORTS, "report": (".html",)}
         for number, (kind, path) in enumerate(self.pictures):
             name = "plot" if kind == "mechanism" else f"plot {kind}:"
             name += "" if f"--{name}" not in outputs else f" ({number + 1})"

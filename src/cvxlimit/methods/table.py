@@ -84,13 +84,14 @@ def check(what: str, run: Run, takes: Collection[str]) -> None:
 
 
 def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
-    if value not in allowed:
+    if not isinstance(value, str) or value not in allowed:
         got = repr(value)
         if isinstance(value, type):
             got = f"the class {value.__name__}: write {value.__name__}()"
+        known = allowed.names if isinstance(allowed, Door) else [*allowed]
         raise ModelError(
-            f"{what} must be one of {', '.join(allowed)}, got {got}"
-            + meant(value, allowed, before="; ")
+            f"{what} must be one of {', '.join(known)}, got {got}"
+            + meant(value, known, before="; ")
         )
 
 
