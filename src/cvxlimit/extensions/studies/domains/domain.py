@@ -71,7 +71,7 @@ class LoadDomain:
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.extensions.studies import load_domain
+    >>> from cvxlimit.studies import load_domain
     >>> domain = load_domain(builtin_scene("single-block"), progress=False)
     >>> str(domain.status), domain.contains((0.39, 0.39)), domain.contains((0.41, 0.0))
     ('certified', 'carried', 'not carried')
