@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from importlib.metadata import distribution, entry_points
 from pathlib import Path
 
@@ -11,19 +12,30 @@ import pytest
 from cvxlimit import builtin_scene, solve
 from cvxlimit.base import doors
 from cvxlimit.base.doors import Door
-from cvxlimit.cli.main import run
+from cvxlimit.cli.main import COMMANDS, app, run
 from cvxlimit.errors import ModelError
 from cvxlimit.io import export
+from cvxlimit.io.exporting import EXPORTS
+from cvxlimit.methods.table import TABLE
+from cvxlimit.plotting import PICTURES
 from cvxlimit.surfaces import Facets, Rocking, TorsionShear
+from cvxlimit.surfaces.coulomb import SURFACES
 
 ANOTHER = Path(__file__).parents[1] / "kit" / "another"
 GROUPS = ("methods", "surfaces", "readers", "writers", "pictures", "commands")
 
 
 @pytest.fixture
-def another(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The package of somebody else, as if it were installed."""
+def another(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The package of somebody else, as if it were installed, and forgotten afterwards."""
     monkeypatch.syspath_prepend(str(ANOTHER))
+    commands, pictures = [*app.registered_commands], dict(PICTURES)
+    yield
+    app.registered_commands[:] = commands
+    for name in PICTURES.keys() - pictures:
+        del PICTURES[name]
+    for door in (TABLE, SURFACES, EXPORTS, COMMANDS, PICTURES):
+        door._found.clear()
 
 
 @pytest.mark.usefixtures("another")
@@ -68,10 +80,10 @@ class TestAnotherPackage:
 def test_names_of_this_package_ask_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
     """A default solve looks nothing up among installed distributions."""
 
-    def refused(**_: object) -> None:
-        raise AssertionError("the environment was scanned")
+    def refused(group: str) -> None:
+        raise AssertionError(f"the environment was scanned for {group}")
 
-    monkeypatch.setattr(doors, "entry_points", refused)
+    monkeypatch.setattr(doors, "installed", refused)
     scene = builtin_scene("single-block")
     for options in ({}, {"surface": "octagon"}, {"method": "exact"}, {"solver": "CLARABEL"}):
         assert solve(scene, **options).status == "certified"  # type: ignore[arg-type]

@@ -7,13 +7,13 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from pkgutil import iter_modules
 
 import pytest
 
 from cvxlimit import extensions
+from cvxlimit.base.doors import loaded
 from cvxlimit.offered import OFFERED
 
 SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
@@ -194,12 +194,12 @@ def test_what_is_offered_is_there() -> None:
     """Every table names what can be loaded, and what an extension offers is its own."""
     for group, places in OFFERED.items():
         for name, place in places.items():
-            assert EntryPoint(name, place, group).load() is not None
+            assert loaded(place) is not None, (group, name)
             assert not extension_of(place.removeprefix("cvxlimit."))
     for table, folder in zip(extensions.tables(), iter_modules(extensions.__path__), strict=True):
         for group, places in table.items():
             for name, place in places.items():
-                assert EntryPoint(name, place, group).load() is not None
+                assert loaded(place) is not None, (group, name)
                 assert extension_of(place.removeprefix("cvxlimit.")) == folder.name
 
 

@@ -10,11 +10,8 @@ reader or a picture, and nothing here knows of it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, MutableMapping
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib import import_module
 from typing import Any
-
-from cvxlimit.errors import ModelError
 
 Offered = Mapping[str, Mapping[str, str]]
 """By group the places of names, as ``"module:attribute"``."""
@@ -28,9 +25,17 @@ def offer(offered: Offered) -> None:
         _PLACES.setdefault(group, {}).update(places)
 
 
-@cache
-def _loaded(name: str, place: str, group: str) -> Any:
-    return EntryPoint(name, place, group).load()
+def loaded(place: str) -> Any:
+    """What stands at a place, ``"module:attribute"``."""
+    module, _, attribute = place.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def installed(group: str) -> dict[str, Any]:
+    """The entry points of a group, by name, of all distributions that are installed."""
+    from importlib.metadata import entry_points  # 20 ms, rarely needed
+
+    return {entry.name: entry for entry in entry_points(group=group)}
 
 
 class Door(MutableMapping[str, Any]):
@@ -55,10 +60,10 @@ class Door(MutableMapping[str, Any]):
         if name in self._own:
             return self._own[name]
         if name in self._places:
-            return _loaded(name, self._places[name], self.group)
+            return loaded(self._places[name])
         if name not in self._found:
-            entries = [*entry_points(group=self.group, name=name)]
-            self._found[name] = entries[0].load() if entries else None
+            entry = installed(self.group).get(name)
+            self._found[name] = None if entry is None else entry.load()
         if self._found[name] is None:
             raise KeyError(name)
         return self._found[name]
@@ -78,7 +83,7 @@ class Door(MutableMapping[str, Any]):
     @property
     def names(self) -> list[str]:
         """All names that can be asked for, those of other distributions among them."""
-        return list(dict.fromkeys([*self, *entry_points(group=self.group).names]))
+        return list(dict.fromkeys([*self, *installed(self.group)]))
 
     def needed(self, name: str, what: str) -> Any:
         """What has the name; where no folder offers it, that is refused.
@@ -89,6 +94,8 @@ class Door(MutableMapping[str, Any]):
             If it is not here.
         """
         if (found := self.get(name)) is None:
+            from cvxlimit.errors import ModelError  # which loads NumPy
+
             raise ModelError(f"{what} not part of this installation: nothing offers {name!r}")
         return found
 
