@@ -219,7 +219,7 @@ def test_parts_cover_what_they_are_cut_from(name: str, is_even: bool) -> None:
             every = rng.uniform(-1.0, 1.0, 200)
             inside = every[holds(ends, every)]
             at = float(rng.uniform(-1.0, 1.0))
-            parts = MOMENTS[name].split(*ends, at, is_even)
+            parts = states_of(MOMENTS[name]).split(*ends, at, is_even)
             assert np.any([holds(part, inside) for part in parts], axis=0).all()
             assert all(abs(b - a) < abs(ends[1] - ends[0]) for a, b in parts)
             if not is_even:
@@ -232,7 +232,7 @@ def test_how_far_pressure_reaches(name: str) -> None:
     middle than that for a load factor of 0.2, and reaches the edge at 0.4."""
     scene = single_block((0.4, 0.4, 1.0), friction=0.7)
     assemblage = Assemblage.of(scene)
-    disjuncts = MOMENTS[name].box_disjuncts(scene.contacts)
+    disjuncts = states_of(MOMENTS[name]).box_disjuncts(scene.contacts)
     reach = Reach(HullProblem(assemblage), disjuncts, 0.2)
     ends = []
     for axis in (0, 1):
@@ -249,7 +249,7 @@ def test_how_far_pressure_reaches(name: str) -> None:
 def test_no_reach_where_nothing_presses() -> None:
     """A contact without disjuncts carries nothing: there is no answer to where."""
     scene = random_wall(23)
-    disjuncts = MOMENTS["signed"].box_disjuncts(scene.contacts).without(np.array([0]))
+    disjuncts = states_of(MOMENTS["signed"]).box_disjuncts(scene.contacts).without(np.array([0]))
     assert (
         Reach(HullProblem(Assemblage.of(scene)), disjuncts, 0.0).furthest(0, 0, 1.0, TIGHT) is None
     )
