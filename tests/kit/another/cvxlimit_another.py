@@ -24,7 +24,7 @@ class Dozen(Method):
         return (yield from Convex().steps(run))
 
 
-def read_boxes(path):
+def read_boxes(path, notes):
     """Lines "id x0 y0 z0 x1 y1 z1" as bodies."""
     rows = [line.split() for line in path.read_text("utf-8").splitlines()]
     return [Body(name, [at[:3], at[3:]], [], is_box=True) for name, *at in map(numbers, rows)]
