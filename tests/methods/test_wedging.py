@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cvxlimit import Block, Load, Scene, Solution, Status, prove, solve
+from cvxlimit.base import doors
 from cvxlimit.cli.main import run
 from cvxlimit.io import read_result, write_result, write_scene
 from cvxlimit.masonry import arch
@@ -228,7 +229,7 @@ def test_rows_between_walls(cubes: int, surface: str) -> None:
 
 def test_an_extension_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """What needs no friction is still proved, and nothing else is said."""
-    monkeypatch.setattr("cvxlimit.plotting.reports.PLACES", {})
+    monkeypatch.delitem(doors._PLACES["cvxlimit.readings"], "without_dilatancy", raising=False)
     assert slides_at(solve(clamped())) is None
     assert solve(keystone((0, 0, -1))).status is Status.LIVE_LOAD_HARMLESS
     assert solve(pushed(30.0)).status is Status.UNBOUNDED

@@ -1,10 +1,10 @@
 """Friction that slides without opening: solutions, bounds, what associated answers owe to it.
 
-Its doors are ``cvxlimit.methods`` (``zero-dilatancy``, ``gilbert``), ``cvxlimit.searches`` (the
-load factor below which nothing slides), ``cvxlimit.readings`` and ``cvxlimit.proofs``. To read:
-``tresca.py``, friction held at its size; ``pair.py``, one solution; ``members.py``, what proves it;
-``zero_dilatancy.py``, the search for the lowest; ``least_thrust.py`` and ``lifted.py``, bounds from
-below; ``first_look.py``; ``gilbert.py``.
+Its doors are ``cvxlimit.methods`` (``zero-dilatancy``, ``gilbert``), ``cvxlimit.readings`` (a first
+look; what is known of loads without a limit) and ``cvxlimit.proofs``. To read: ``tresca.py``,
+friction held at its size; ``pair.py``, one solution; ``members.py``, what proves it;
+``zero_dilatancy.py``, the search for the lowest; ``least_thrust.py``, bounds from below;
+``unbounded.py``; ``gilbert.py``; ``proving.py``.
 """
 
 from cvxlimit.base.doors import Offered
