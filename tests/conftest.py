@@ -41,6 +41,12 @@ MISSING = {*WHOLE} - {module.name for module in iter_modules(extensions.__path__
 """Extensions that are left out; the core's tests pass without any of them."""
 
 _KIT = Path(__file__).with_name("kit")
+_STUB = Path(extensions.__file__).parents[1].joinpath("__init__.pyi").read_text("utf-8")
+_PUBLIC = {
+    name: home
+    for home, name in re.findall(r"^from \.extensions\.(\w+)\S* import (\w+)", _STUB, re.M)
+}
+"""The extension that each public name is of, where it is of one."""
 
 
 @cache
@@ -48,6 +54,8 @@ def _needed(path: Path) -> frozenset[str]:
     """Extensions that a file of tests imports, itself or through what tests share."""
     text = path.read_text("utf-8")
     own = re.findall(r"\bcvxlimit\.(?:extensions\.)?(\w+)", text)
+    for names in re.findall(r"^from cvxlimit import (\([^)]*\)|.*)$", text, re.M):
+        own += [_PUBLIC[name] for name in re.findall(r"\w+", names) if name in _PUBLIC]
     shared = re.findall(r"^(?:from|import) (\w+)", text, re.M)
     kit = [_needed(_KIT / f"{name}.py") for name in shared if (_KIT / f"{name}.py").exists()]
     return frozenset({*own} & {*WHOLE}).union(*kit)

@@ -19,6 +19,8 @@ from cvxlimit.plotting import picture_of, title
 from exhaustive import mostly_slow, slow
 from helpers import hand_equilibrium, yield_excess
 
+pytest.importorskip("cvxlimit.extensions.dilatancy")  # which knows loads without a limit
+
 NEAR = 1e-4
 """How near a member is to the closed form: the power that it may lack, 1e-6, is of second order in
 the load factor where the direction of friction turns, and so allows 1e-3 of it at most."""
