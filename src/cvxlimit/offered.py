@@ -24,6 +24,13 @@ OFFERED: Offered = {
         "scene": "cvxlimit.io.scenes:SCENE",
         "result": "cvxlimit.io.results:RESULT",
     },
+    "cvxlimit.loads": {
+        "earth_pressure": "cvxlimit.scene.surroundings:earth_pressure",
+        "fill": "cvxlimit.scene.surroundings:fill",
+        "hydrostatic": "cvxlimit.scene.surroundings:hydrostatic",
+        "uplift": "cvxlimit.scene.surroundings:uplift",
+        "wheel": "cvxlimit.scene.surroundings:wheel",
+    },
     "cvxlimit.readings": {
         "scene_html": "cvxlimit.plotting.notebook:scene_html",
         "scene_figure": "cvxlimit.plotting:scene_figure",
