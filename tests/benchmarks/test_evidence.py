@@ -49,7 +49,8 @@ FROM_TESTS = {
     "0.38260": "c_T of a unit square, (sqrt(2) + asinh(1)) / 6",
     "1.0464 0.5107": "Newmark's slips in m, tests/extensions/dynamics/test_shaking.py",
     "1.0643": "Housner's fourth impact in s, tests/extensions/dynamics/test_shaking.py",
-    "0.475 0.480 0.485 9.81": "what topples a slender block, in g; tests/extensions/dynamics/test_shaking.py",
+    "0.475 0.480 0.485 9.81": "what topples a slender block, in g; "
+    "tests/extensions/dynamics/test_shaking.py",
 }
 """Figures of pages that something else holds."""
 

@@ -12,10 +12,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts, disjunct_arms, sheared
-from cvxlimit.extensions.interaction.states.support import half_extent
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
+from cvxlimit.readings.pressure import half_extent
 from cvxlimit.solvers import LimitState, SolverSettings, run
 
 FloatArray = NDArray[np.float64]

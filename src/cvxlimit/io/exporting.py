@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.doors import attached
+from cvxlimit.base.doors import Door
 from cvxlimit.base.extras import needed
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
@@ -19,8 +19,6 @@ from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-EXPORTS = (".obj", ".glb", ".csv", ".mjcf")
 
 
 def export(
@@ -31,9 +29,8 @@ def export(
     =========  =================================================================================
     ``.obj``   blocks, one object each, polygons kept, every digit of the coordinates
     ``.glb``   blocks, one node each, in triangles and single precision (needs trimesh)
-    ``.mjcf``  all of it for MuJoCo, to move in time, see
-    :func:`cvxlimit.extensions.dynamics.mjcf.mjcf` ``.csv``   contacts: name, blocks, centre,
-    normal, area, friction; with a ``solution`` also
+    ``.mjcf``  all of it for MuJoCo, to move in time, see :mod:`cvxlimit.extensions.dynamics`
+    ``.csv``   contacts: name, blocks, centre, normal, area, friction; with a ``solution`` also
                the force components and the pressure centre; units stand in the first row
     =========  =================================================================================
 
@@ -63,20 +60,13 @@ def export(
     """
     target = Path(path)
     suffix = target.suffix.lower()
-    if suffix == ".obj":
-        data = obj_text(scene).encode("utf-8", "replace")
-    elif suffix == ".glb":
-        data = _glb(scene)
-    elif suffix == ".csv":
-        data = contacts_table(scene, solution).encode("utf-8", "replace")
-    elif suffix == ".mjcf":
-        data = attached("scene_mjcf")(scene).encode("utf-8", "replace")
-    else:
+    if suffix not in EXPORTS:
         raise InputError(
             f"cannot tell what to export from {target.name!r}: give a name that ends in "
             f"{', '.join(EXPORTS)}"
         )
-    write_file(target, data)
+    written: str | bytes = EXPORTS[suffix](scene, solution)
+    write_file(target, written.encode("utf-8", "replace") if isinstance(written, str) else written)
     return (target,)
 
 
@@ -138,3 +128,14 @@ def _glb(scene: Scene) -> bytes:
         result.add_geometry(mesh, node_name=block.id, geom_name=block.id)
     data: bytes = result.export(file_type="glb")
     return data
+
+
+EXPORTS = Door(
+    "cvxlimit.writers",
+    {
+        ".obj": lambda scene, _: obj_text(scene),
+        ".glb": lambda scene, _: _glb(scene),
+        ".csv": contacts_table,
+    },
+)
+"""By suffix: from a scene, and a solution of it or None, to the text or the bytes of a file."""

@@ -99,9 +99,9 @@ class ConvexSearch:
     ``asked`` keeps a side question, which costs a solve, from being put twice.
 
     Solvers see so much ``model``; the certificate is that of the full scene in any case. For
-    ``tolerance`` and ``budget`` see :class:`~cvxlimit.methods.convex.Convex`. A ``problem`` is
-    solved in place of a new one, with the reference states of its last certificate; it comes with
-    ``model="full"``, since there is no other problem to fall back to.
+    ``tolerance`` and ``budget`` see :class:`~cvxlimit.methods.convex.Convex`. A ``problem``
+    is solved in place of a new one, with the reference states of its last certificate; it comes
+    with ``model="full"``, since there is no other problem to fall back to.
     """
 
     def __init__(

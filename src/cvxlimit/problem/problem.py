@@ -8,10 +8,10 @@ from typing import Any
 
 import cvxpy as cp
 
-from cvxlimit.base.doors import attached
 from cvxlimit.errors import ModelError
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.program import LimitProgram
+from cvxlimit.problem.solving import solved
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings
@@ -288,9 +288,7 @@ class LimitProblem:
         """
         if not warm_start:
             self._stated.forget()
-        solution: Solution = attached("problem_solve")(
-            self._stated, solver, tolerance, verbose, options
-        )
+        solution: Solution = solved(self._stated, solver, tolerance, verbose, options)
         solution.__dict__["problem"] = self
         return solution
 
@@ -332,3 +330,10 @@ class LimitProblem:
             least = aside.solve(tolerance=tolerance)
             aside.maximise(expression)
             return least, aside.solve(tolerance=tolerance)
+
+
+def problem_of(solution: Solution) -> LimitProblem:
+    """See :attr:`cvxlimit.Solution.problem`."""
+    problem = LimitProblem(solution.scene, solution.surfaces or solution.surface)
+    problem._stated.surface = solution.surface
+    return problem

@@ -9,21 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from cvxlimit.base.arrays import SMALL
-from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
-from cvxlimit.extensions.interaction.settings import BRACKET
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Run, dilatancy_in
-from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.methods.table import TABLE
 from cvxlimit.model.statics import Scaling
 from cvxlimit.proof.checks import SLACK, Check, follows, is_alike, unseen, unseen_fields
 from cvxlimit.solution import Solution, Status
-from cvxlimit.solution.bracket import Bracket, rounded_down, rounded_up
+from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded_down, rounded_up
 from cvxlimit.solution.kinematics import Dilatancy
 
 _OF_THE_SCENE = "units", "contact_names", "lumped"
@@ -109,7 +106,7 @@ def derived_checks(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
 
 def words_of_method(name: str) -> dict[str, str]:
     """What a solution by the method of this name says of itself."""
-    method = TABLE[name].method
+    method = TABLE[name]
     usual = {"interaction": "none", "flow": "associated"}
     return usual | ({method.axis: method.name} if method.axis else {})
 
@@ -150,14 +147,13 @@ def status_check(said: Solution) -> Check:
 
 def _asked(said: Solution) -> float:
     """The tolerance asked for; that of the method where none was."""
-    usual = Convex.tolerance
-    if said.flow == "zero-dilatancy":
-        usual = ZeroDilatancy.tolerance
-    elif said.torsion_shear == "exact":
-        usual = ExactFriction.tolerance
-    elif said.interaction == "certified":
-        usual = BRACKET.good
-    return said.tolerance or usual
+    name = said.interaction if said.flow == "associated" else said.flow
+    name = "exact" if said.torsion_shear == "exact" else "convex" if name == "none" else name
+    method = TABLE.get(name)
+    if said.tolerance is not None or method is None:
+        return said.tolerance or TOLERANCE
+    usual: Any = method.usual or getattr(method, "tolerance", TOLERANCE)
+    return float(usual)
 
 
 def _dilatancy(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:

@@ -17,15 +17,8 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.errors import InputError, ModelError
-from cvxlimit.extensions.dilatancy.least_thrust import lower_bound
-from cvxlimit.extensions.dilatancy.members import Verifier
-from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
-from cvxlimit.extensions.interaction.restriction.lower_bound import (
-    LowerBounds,
-    TrueStrength,
-    central_states,
-)
+from cvxlimit.base.doors import Door
+from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import ConvexSearch
@@ -34,16 +27,15 @@ from cvxlimit.methods.wedging import without_limit
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.point_friction import ExactFlow
 from cvxlimit.model.statics import Statics
-from cvxlimit.proof.admissible import INSIDE, carried_exactly
+from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check
 from cvxlimit.proof.strength import Strength
-from cvxlimit.proving.derived import bound_checks, derived_checks, why_above
+from cvxlimit.proving.derived import bound_checks, derived_checks
 from cvxlimit.readings.moments import Moments
-from cvxlimit.readings.named import parse_moments, reading_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
-from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded_down, rounded_up
+from cvxlimit.solution.bracket import TOLERANCE, Bracket
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_named, surfaces_of
@@ -75,7 +67,7 @@ def solution_checks(
         )
     if solution.quantity != LOAD_FACTOR:
         return [Check(solution.quantity, False, "only load factors can be proved again")]
-    again = _ProvedAgain(held, _surfaces(solution, surface), moments, formulation)
+    again = ProvedAgain(held, _surfaces(solution, surface), moments, formulation)
     checks = [*again.checks()]
     answer = Answer(again.carried, forces=solution.forces, mechanism=again.mechanism)
     if again.strength.is_internal:
@@ -97,7 +89,7 @@ def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
     return found
 
 
-class _ProvedAgain:
+class ProvedAgain:
     """A solution, and the run that it would be of, without any solve for its answer."""
 
     def __init__(
@@ -129,7 +121,7 @@ class _ProvedAgain:
             self.forces = np.array(self.forces)
             self.forces[:, COLUMN["N"]] += self.run.mortar.pull
 
-    def _turned(self, end: LowerEnd) -> _ProvedAgain:
+    def _turned(self, end: LowerEnd) -> ProvedAgain:
         """The lower end of an interval as a largest load factor, of the live load turned round."""
         again, statics = copy(self), self.run.assemblage.statics
         state, factor = self._state_between
@@ -162,24 +154,23 @@ class _ProvedAgain:
     def checks(self) -> Iterator[Check]:
         """All claims, by what kind of answer it is."""
         solution = self.solution
-        if solution.flow != "associated":
-            yield from self._members()
-        elif solution.torsion_shear == "exact":
+        is_associated = solution.flow == "associated"
+        name = solution.interaction if is_associated else solution.flow
+        if is_associated and solution.torsion_shear == "exact":
             yield from self._exact()
-        elif solution.interaction == "certified":
-            yield from self._with_interaction()
-        elif solution.interaction == "none":
+        elif name == "none":
             yield from self._plain()
+        elif (checks := Door("cvxlimit.proofs").get(name)) is not None:
+            yield from checks(self)
         else:
-            name = solution.interaction
             yield Check("load factor", False, f"method {name!r} gives no bounds that could be")
 
     def _exact(self) -> Iterator[Check]:
         """The upper bound rests on a mechanism; the lower one on friction at points of contacts."""
-        yield from self._held()
+        yield from self.held_checks()
         flow = ExactFlow(self.run.contacts)
         certifier = Certifier(self.run.assemblage, (Rocking(),), flow=flow)
-        for check in self._ends([certifier.certificate(None, None, self.mechanism)]):
+        for check in self.ends([certifier.certificate(None, None, self.mechanism)]):
             held = "the file holds what contacts transfer, and not friction at their points"
             yield replace(check, found=held) if check.claim.startswith("lower") else check
 
@@ -194,10 +185,12 @@ class _ProvedAgain:
                             "live load, or it stands alone")  # fmt: skip
                 return
         if self.solution.status is Status.DEAD_LOAD_UNSTABLE:
-            yield self._falls()
+            yield self.falls()
         elif self.solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
             yield without_limit(self._harmless(), self.run, self.solution)
-            yield from self._above_thrusts(self.run.auxiliary_run())  # nothing slides below it
+            # nothing slides below it
+            if (above_thrusts := Door("cvxlimit.proofs").get("least-thrust")) is not None:
+                yield from above_thrusts(self, self.run.auxiliary_run())
         else:
             yield from self._certified()
         if end is not None:
@@ -210,22 +203,22 @@ class _ProvedAgain:
         are put into balance, by some thousand times a change of it where a state has little to
         spare. Those of the result are clipped by its bracket, those of its history are not. So
         several are tried, and one has to be as it is held."""
-        yield from self._held()
+        yield from self.held_checks()
         factors, found = (self.solution.load_factor, self.carried, *self._told), list[Bracket]()
         for factor, tolerance in product(
             dict.fromkeys(factors), (self.solution.tolerance or TOLERANCE, 1.0, SLACK)
         ):
             found.append(self._bracket(factor, tolerance))
-            if all(check.is_met for check in self._ends(found)):
+            if all(check.is_met for check in self.ends(found)):
                 break
-        yield from self._ends(found)
+        yield from self.ends(found)
 
     @property
     def _told(self) -> list[float | None]:
         """Load factors from which the history had the lower bound, near what the forces carry."""
         lower, near = self.solution.bracket.lower, self.carried or 0.0
         told = [i.load_factor for i in self.solution.history if i.lower == lower]
-        return [t for t in told if t is not None and abs(t - near) <= self._near]
+        return [t for t in told if t is not None and abs(t - near) <= self.near]
 
     def _bracket(self, factor: float | None, tolerance: float) -> Bracket:
         search = ConvexSearch(self.run.auxiliary_run(), self.run.model, tolerance)
@@ -233,9 +226,9 @@ class _ProvedAgain:
             search.dead_load_is_unstable()  # which leaves forces that carry it
         elif self.reference[0] is not None:
             search.refer_to(self.reference[0], self.reference[1])
-        return search.bracketed(self._state(factor, self._internal(search.certifier.strength)))
+        return search.bracketed(self.state_of(factor, self._internal(search.certifier.strength)))
 
-    def _state(self, factor: float | None, internal: FloatArray | None) -> LimitState:
+    def state_of(self, factor: float | None, internal: FloatArray | None) -> LimitState:
         given = Outcome("given", 0.0, 0.0)
         return LimitState(given, factor, self.forces, self.mechanism, internal)
 
@@ -249,7 +242,7 @@ class _ProvedAgain:
         off = np.abs(strength.forces(internal) - self.forces).max()
         return internal if off <= SLACK * np.abs(self.forces).max() else None
 
-    def _falls(self) -> Check:
+    def falls(self) -> Check:
         """Rates on which the dead load does more work than contacts can take up."""
         claim, dead = "the dead load cannot stand", self.run.assemblage.statics.dead
         if self.mechanism is None:
@@ -273,12 +266,12 @@ class _ProvedAgain:
         if strength_of(loaded).is_internal:
             return Check(claim, False, "the file holds what contacts transfer, and not the "
                          "pressures on them that show it")  # fmt: skip
-        is_carried = self._carries_live(self.forces)
+        is_carried = self.carries_live(self.forces)
         is_carried &= carried_exactly(loaded, strength_of, self.forces) is not None
         return Check(claim, is_carried, "forces carry it alone" if is_carried else
                      "the forces do not carry it alone")  # fmt: skip
 
-    def _carries_live(self, forces: FloatArray) -> bool:
+    def carries_live(self, forces: FloatArray) -> bool:
         """True if forces as they stand are in equilibrium with the live load alone."""
         statics, scaling = self.run.assemblage.statics, self.run.scaling
         left = self._left(statics.under(statics.live, statics.live), forces, 0.0)
@@ -290,112 +283,10 @@ class _ProvedAgain:
         left[:, 3:] /= self.run.scaling.length
         return float(left.max())
 
-    # With interaction
-
-    def _with_interaction(self) -> Iterator[Check]:
-        solution, run = self.solution, self.run
-        reading = reading_of(solution.moments) if self.moments is None else None
-        if reading is None and self.moments is None:
-            raise InputError(
-                f"the solution of {solution.scene_name!r} rests on moments of one's own "
-                f"({solution.moments!r}), which no file holds: give them as moments=..."
-            )
-        run.moments = reading or parse_moments(self.moments or "")
-        if solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
-            yield without_limit(self._harmless_inside(), run, solution)
-        elif solution.status is Status.DEAD_LOAD_UNSTABLE:
-            yield self._cannot_stand()
-        else:
-            yield from self._held()
-            yield from self._ends([self._bracket_with_interaction()])
-
-    def _bracket_with_interaction(self) -> Bracket:
-        run, solution = self.run.auxiliary_run(), self.solution
-        if self.mechanism is not None:
-            UpperBound(run).offer(self.mechanism)
-        if self.forces is not None and solution.load_factor is not None:
-            bounds = LowerBounds(run.assemblage, run.moments)
-            run.best = bounds.checked(self.forces, solution.load_factor).raising(run.best)
-        return run.best.bracket
-
-    def _cannot_stand(self) -> Check:
-        run, dead = self.run, self.run.assemblage.statics.dead
-        check = self._falls()
-        if check.is_met and run.moments.has_eq_24:  # what falls without interaction falls with it
-            return check
-        alone = run.auxiliary_run(run.assemblage.alone(dead))
-        if self.mechanism is not None:
-            UpperBound(alone).offer(self.mechanism)
-        is_met = alone.best.bracket.upper < 0.5
-        found = "by the mechanism" if is_met else why_above(self.solution, "no proof")
-        return Check(check.claim, is_met, found)
-
-    def _harmless_inside(self) -> Check:
-        claim, run = "the live load does no harm", self.run
-        live = run.assemblage.statics.live
-        loaded = run.assemblage.under(live, live)
-        strength = partial(TrueStrength, moments=run.moments)
-        found = None
-        if self.forces is not None and self._carries_live(self.forces):
-            found = carried_exactly(loaded, strength, self.forces, INSIDE, central_states)
-        return Check(claim, found is not None, "forces strictly inside Eq. 30 carry it alone"
-                     if found is not None else "the forces do not carry it alone")  # fmt: skip
-
-    # Without dilatancy
-
-    def _members(self) -> Iterator[Check]:
-        solution = self.solution
-        if not solution.members:
-            yield Check("load factor", False, f"flow {solution.flow!r} gives no bounds, and there "
-                        "is no solution whose conditions could be checked")  # fmt: skip
-            return
-        first, *others = solution.members
-        claim = f"a solution without dilatancy at {rounded_down(first.load_factor)}"
-        factor = solution.load_factor
-        if self.forces is None or factor is None or abs(factor - first.load_factor) > self._near:
-            yield Check(claim, False, "it is not that of the forces")
-        else:
-            state = self._state(factor, solution.internal)
-            try:
-                found = Verifier(self.run).member(state, first.start, first.iterations)
-            except ModelError:  # internal forces that belong to nothing
-                found = None
-            worst = np.inf if found is None else found.residual
-            is_met = worst <= first.residual + SLACK
-            said = f"largest residual {worst:.1e}"
-            yield Check(claim, is_met, said if is_met else f"{said}, {first.residual:.1e} claimed")
-            yield from self._held()
-        yield from self._ends_of_all()
-        if others:
-            yield Check(f"{len(others)} further solutions without dilatancy", False, "the file "
-                        "holds the forces of the lowest only")  # fmt: skip
-
-    def _ends_of_all(self) -> Iterator[Check]:
-        """The bracket of all solutions without dilatancy, found anew: the file holds neither the
-        mechanism of associated friction nor least thrusts."""
-        held, aside = self.solution.bracket, self.run.auxiliary_run()
-        if np.isfinite(held.upper):
-            for _ in ConvexSearch(aside, self.run.model).steps():
-                pass
-            upper = aside.best.bracket.upper
-            is_met = upper <= held.upper + max(self._near, SLACK * abs(held.upper))
-            said = f"associated friction, solved anew, shows {rounded_up(upper, 9)}"
-            yield Check(f"upper bound {rounded_up(held.upper, 9)}", is_met, said)
-        yield from self._above_thrusts(aside)
-
-    def _above_thrusts(self, aside: Run) -> Iterator[Check]:
-        """A lower bound without dilatancy, if there is one."""
-        held = self.solution.bracket
-        if np.isfinite(held.lower):
-            lower = lower_bound(aside, held.lower).load_factor
-            is_met = lower >= held.lower - max(self._near, SLACK * abs(held.lower))
-            said = f"least thrusts, found anew, show {rounded_down(lower, 9)}"
-            yield Check(f"lower bound {rounded_down(held.lower, 9)}", is_met, said)
-
     # What all have
 
     @property
-    def _near(self) -> float:
+    def near(self) -> float:
         """What counts as the same load factor."""
         factor = self.solution.load_factor
         scale = self.run.scaling.unit(factor or 0.0)
@@ -410,7 +301,7 @@ class _ProvedAgain:
         rest = statics.residual(self.forces, 0.0).ravel()
         return -float(rest @ statics.live) / float(statics.live @ statics.live)
 
-    def _held(self) -> Iterator[Check]:
+    def held_checks(self) -> Iterator[Check]:
         """That forces carry what they are said to, and that the mechanism is of live power 1."""
         solution, statics = self.solution, self.run.assemblage.statics
         factor, forces = solution.load_factor, self.forces
@@ -423,7 +314,7 @@ class _ProvedAgain:
                 total = self.run.scaling.force * (1.0 + abs(factor) / self.run.scaling.ratio)
                 is_met = left <= RESIDUAL * total
                 said = "" if is_met else f"residual {left / total:.1e} of the total load"
-                if abs(carried - factor) > max(self._near, 10.0 * RESIDUAL * abs(factor)):
+                if abs(carried - factor) > max(self.near, 10.0 * RESIDUAL * abs(factor)):
                     is_met, said = False, f"the forces carry {carried:.9g}"
                 yield Check(claim, is_met, said or "the forces carry it")
                 if solution.bracket.clipped(factor) != factor:
@@ -436,6 +327,6 @@ class _ProvedAgain:
             if abs(power - 1.0) > 10.0 * RESIDUAL:
                 yield Check("mechanism", False, f"its live power is {power:.7g} in place of 1")
 
-    def _ends(self, found: Sequence[Bracket]) -> Iterator[Check]:
+    def ends(self, found: Sequence[Bracket]) -> Iterator[Check]:
         """Compares both bounds with those found."""
         return bound_checks(self.solution, self.run.scaling, found)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.extensions.interaction.states.support import half_extent
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.mesh import turn
 from cvxlimit.geometry.polygons import (
@@ -106,6 +105,12 @@ def _within(corners: FloatArray, points: FloatArray) -> FloatArray:
     on_edges = corners + np.clip(share, 0.0, 1.0)[:, :, None] * along
     nearest = ((points[:, None] - on_edges) ** 2).sum(axis=2).argmin(axis=1)
     return np.where(outside, on_edges[np.arange(len(points)), nearest], points)
+
+
+def half_extent(contacts: Contacts) -> FloatArray:
+    """Half sides (n, 2), or a polygon's largest coordinates: pressure centres are fractions."""
+    size = np.maximum.reduceat(np.abs(contacts.corner_xy), contacts.corner_start[:-1], axis=0)
+    return np.where(contacts.is_rectangle[:, None], contacts.sides / 2.0, size)
 
 
 def areas_and_arms(

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.base.checks import of_type
-from cvxlimit.errors import InputError
-from cvxlimit.extensions.paths.path import rotation
+from cvxlimit.base.checks import finite_vector, of_type
+from cvxlimit.errors import InputError, ModelError
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import (
@@ -164,3 +164,36 @@ def _block_rates(scene: Scene, solution: Solution) -> FloatArray:
         bad = scene.blocks[int(np.flatnonzero(~np.isfinite(rates).all(axis=1))[0])]
         raise InputError(f"the mechanism's rates of block {bad.id!r} must be finite")
     return rates
+
+
+def rotation(vector: FloatArray) -> FloatArray:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3): Rodrigues' formula."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(np.asarray(vector), -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
+    half = np.sinc(angle / (2.0 * np.pi))  # sinc keeps all digits near 0
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * cross @ cross)
+
+
+def motions_of(scene: Scene, moved: Sequence[Mapping[str, FloatArray]]) -> list[Motion]:
+    """The motion to each configuration. All have the colours of the one that moved most, so that a
+    block keeps its colour through a film."""
+    motions = [moved_by(scene, each) for each in moved]
+    largest = max(motions, key=lambda moving: moving.largest)
+    return [replace(moving, speed=largest.speed) for moving in motions]
+
+
+def checked_control(scene: Scene, control: Any) -> tuple[str, tuple[float, float, float]]:
+    """A free block and the direction in which its displacement is told."""
+    try:
+        block, direction = control
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"control must be (block id, direction), got {control!r}") from error
+    free = [scene.blocks[i].id for i in scene.free]
+    if block not in free:
+        raise ModelError(f"control names {block!r}, which is no free block of {scene.name!r}")
+    x, y, z = finite_vector(direction, 3, "direction of the control point").tolist()
+    if not (x or y or z):
+        raise ModelError("direction of the control point must not be zero, got (0, 0, 0)")
+    return block, (x, y, z)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from cvxlimit.base.checks import meant
 from cvxlimit.base.doors import attached
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
+from cvxlimit.methods.solving import solve
 from cvxlimit.results.derivatives import (
     JOINTS,
     ByLoad,
@@ -181,8 +182,15 @@ class Sensitivity:
         >>> [round(x, 3) + 0.0 for x in sides]
         [1.0, 0.0]
         """
-        solved: tuple[float, float] = attached("sensitivity_sides")(self, change, step)
-        return solved
+        surfaces: Any = self.solution.surfaces or self.solution.surface
+        at = [
+            self.solution.load_factor
+            if way == 0
+            else solve(change(way * step), surfaces).load_factor
+            for way in (-1, 0, 1)
+        ]
+        low, middle, high = (float("nan") if factor is None else factor for factor in at)
+        return (middle - low) / step, (high - middle) / step
 
     @cached_property
     def moves(self) -> FloatArray:

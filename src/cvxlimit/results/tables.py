@@ -12,7 +12,6 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import meant
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.paths.path import PROVES, Path
 from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
 from cvxlimit.results.derivatives import JOINTS
 from cvxlimit.results.movement import motion
@@ -20,7 +19,6 @@ from cvxlimit.results.sensitivity import Sensitivity
 from cvxlimit.results.utilisation import BENDING, contact_forces, utilisations
 from cvxlimit.scene import Scene, Units
 from cvxlimit.solution import Iterate, Solution
-from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import ContactKind
 
 if TYPE_CHECKING:
@@ -44,10 +42,12 @@ def table_of(solution: Solution, what: str) -> DataFrame:
         index, columns = _read(solution, what)
     else:
         index, columns = _TABLES[what](solution, solution.scene)
-    return _table(pandas, index, columns, what.removesuffix("s"), _facts(solution))
+    return table_from(pandas, index, columns, what.removesuffix("s"), _facts(solution))
 
 
-def _table(pandas: Any, index: Any, columns: Columns, name: str | None, facts: Any) -> DataFrame:
+def table_from(
+    pandas: Any, index: Any, columns: Columns, name: str | None, facts: Any
+) -> DataFrame:
     """The table of some columns; units, descriptions and ``facts`` are its ``attrs``."""
     table: DataFrame = pandas.DataFrame(
         {name: values for name, (values, _, _) in columns.items()},
@@ -61,35 +61,6 @@ def _table(pandas: Any, index: Any, columns: Columns, name: str | None, facts: A
     return table
 
 
-def path_table(path: Path) -> DataFrame:
-    """A path's configurations, one row each."""
-    pandas = needed("pandas", "frames", "tables")
-    brackets = [c.bracket or Bracket(np.nan, np.nan) for c in path]
-    columns: Columns = {
-        "w": (path.w, path.scene.units.length, "mean displacement of the live load"),
-        "displacement": (path.displacement, path.scene.units.length, "of the control block"),
-        "load_factor": (path.load_factor, "", "with friction at points"),
-        "slip": (
-            [0.0, *(max([0.0, *(slip for slip, _ in x.values())]) for x in path.in_joints)],
-            path.scene.units.length, "of the joint that slides farthest, since the row above",
-        ),
-        "lower": ([b.lower for b in brackets], "", "static bound of the configuration"),
-        "upper": ([b.upper for b in brackets], "", "kinematic bound of the configuration"),
-        "proved": ([b.is_proved for b in brackets], "", "whether both bounds are proved"),
-        "widest_gap": ([c.widest_gap for c in path], path.scene.units.length, "of closed points"),
-        "residual": ([c.residual for c in path], "", "last movement over the contact size"),
-        "iterates": ([c.iterates for c in path], "", "convex problems solved"),
-    }  # fmt: skip
-    facts = {
-        "status": path.status,
-        "reason": path.reason,
-        "headline": path.headline,
-        "snaps": path.snaps,
-        "proof": PROVES,
-    }
-    return _table(pandas, None, columns, None, facts)
-
-
 def sensitivity_table(found: Sensitivity, what: str) -> DataFrame:
     """See :meth:`Sensitivity.to_dataframe`."""
     made = {"contacts": _by_contact, "blocks": _by_block, "vertices": _by_vertex, "loads": _by_load}
@@ -101,7 +72,7 @@ def sensitivity_table(found: Sensitivity, what: str) -> DataFrame:
     pandas = needed("pandas", "frames", "tables")
     index, columns = made[what](found, found.solution.scene)
     name = {"vertices": "block"}.get(what, what.removesuffix("s"))
-    return _table(pandas, index, columns, name, {**_facts(found.solution), "note": found.note})
+    return table_from(pandas, index, columns, name, {**_facts(found.solution), "note": found.note})
 
 
 _SIDES = "slopes upwards and downwards differ, and these are between them: see both_sides"

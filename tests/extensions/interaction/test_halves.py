@@ -15,6 +15,7 @@ from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
 from cvxlimit.extensions.interaction.restriction.inner import InnerMethod
 from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBounds
 from cvxlimit.extensions.interaction.restriction.steps import SafeStep
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.masonry import panel
 from cvxlimit.methods.driver import Run
 from cvxlimit.readings.named import parse_moments
@@ -46,7 +47,7 @@ def test_a_half_relaxes_no_more_than_the_whole(moments: str) -> None:
     assert half is not None
     assert len(half.kept) < 0.6 * len(run.contacts)
     assert len(half.kept) > 0.5 * len(run.contacts)  # some lie on the plane
-    disjuncts = run.moments.box_disjuncts(run.contacts)
+    disjuncts = states_of(run.moments).box_disjuncts(run.contacts)
     whole = HullProblem(run.assemblage).solve(disjuncts, SOLVER)
     found = HullProblem(run.assemblage, half).solve(disjuncts, SOLVER)
     assert found.load_factor == pytest.approx(whole.load_factor, rel=1e-6)

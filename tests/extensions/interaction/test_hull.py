@@ -18,14 +18,15 @@ from cvxlimit.extensions.blockcone.interior import Point
 from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
-from cvxlimit.extensions.interaction.states.support import half_extent, whole_boxes
+from cvxlimit.extensions.interaction.states.states import states_of
+from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import random_wall, single_block
 from cvxlimit.methods.driver import Run
 from cvxlimit.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.readings.named import parse_moments
-from cvxlimit.readings.pressure import effective_arm
+from cvxlimit.readings.pressure import effective_arm, half_extent
 from cvxlimit.scene import Units
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import settings_for
@@ -275,7 +276,7 @@ def test_signed_disjuncts_are_the_exact_hull(shape: tuple[float, float] | int) -
     contacts = block_of(shape) if isinstance(shape, tuple) else pentagon()
     for w in rates_like(6, seed=14):
         missing = InteractionFlow(contacts, SIGNED).shortfall(-w[None]).missing[0]
-        assert reach(SIGNED.box_disjuncts(contacts), contacts, w) == pytest.approx(
+        assert reach(states_of(SIGNED).box_disjuncts(contacts), contacts, w) == pytest.approx(
             missing, abs=1e-6 * max(1.0, np.abs(w).max())
         )
 
@@ -302,12 +303,14 @@ def test_independent_disjuncts_and_the_worst_one_are_the_hull(
     contacts = block_of((1.0, 0.5))
     boxes = whole_boxes(contacts) if box is None else np.reshape(box, (1, 2, 2))
     flow = InteractionFlow(contacts, INDEPENDENT, boxes)
-    first = INDEPENDENT.box_disjuncts(contacts, boxes)
+    first = states_of(INDEPENDENT).box_disjuncts(contacts, boxes)
     for w in rates_like(6, seed=15):
         missing, centre, _ = flow.worst(-w[None])
         size = max(1.0, np.abs(w).max())
         assert reach(first, contacts, w) <= missing[0] + 1e-6 * size
-        more = first.joined(INDEPENDENT.disjuncts_at(contacts, np.array([0]), centre, boxes))
+        more = first.joined(
+            states_of(INDEPENDENT).disjuncts_at(contacts, np.array([0]), centre, boxes)
+        )
         assert reach(more, contacts, w) == pytest.approx(missing[0], abs=1e-6 * size)
 
 
@@ -318,7 +321,7 @@ def test_boxed_signed_disjuncts_and_safe_disjuncts_are_admissible(moments: str) 
         rng = np.random.default_rng(16)
         for _ in range(4):
             centre = rng.uniform(-0.4, 0.4, (1, 2))
-            safe = parse_moments(moments).safe_disjuncts(contacts, centre, reach=0.1)
+            safe = states_of(parse_moments(moments)).safe_disjuncts(contacts, centre, reach=0.1)
             force, limits = disjunct_forces(safe, contacts)
             w = rng.normal(size=6)
             limits = [*limits, force[COLUMN["N"]] == 1.0]
@@ -444,7 +447,9 @@ def test_relief_makes_every_problem_solvable() -> None:
     scene = single_block((1.0, 1.0, 0.5))
     held = np.array([[[0.9, 1.0], [0.9, 1.0]]])
     up = scene.with_live(Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)}))
-    state = HullProblem(up).solve(INDEPENDENT.box_disjuncts(up.contacts, held), relief_price=50.0)
+    state = HullProblem(up).solve(
+        states_of(INDEPENDENT).box_disjuncts(up.contacts, held), relief_price=50.0
+    )
     assert state.mechanism is not None
     assert -float((up.dead_forces * state.mechanism).sum()) <= -50.0 * (1.0 - 1e-6)
 
@@ -454,7 +459,9 @@ def test_nothing_stands_on_a_box_beside_its_contact() -> None:
     ground = Block.box("ground", (-2.0, -2.0, -1.0), (2.0, 2.0, 0.0))
     up = Load(forces={"b1": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)})
     scene = Scene((ground, prism("b1", 3, 0.0, 0.4)), ("ground",), up, friction=0.6)
-    disjuncts = INDEPENDENT.box_disjuncts(scene.contacts, np.array([[[0.9, 1.0], [0.9, 1.0]]]))
+    disjuncts = states_of(INDEPENDENT).box_disjuncts(
+        scene.contacts, np.array([[[0.9, 1.0], [0.9, 1.0]]])
+    )
     assert len(disjuncts) == 0
     state = HullProblem(scene).solve(disjuncts, relief_price=50.0)
     assert state.load_factor == pytest.approx(0.0, abs=1e-7)
@@ -478,9 +485,9 @@ def test_a_start_costs_or_saves_time_only(moments: str) -> None:
         settings_for("BLOCKWISE", 1e-8),
     )
     boxes = whole_boxes(scene.contacts)
-    first = problem.solve(reading.box_disjuncts(scene.contacts, boxes), rung)
+    first = problem.solve(states_of(reading).box_disjuncts(scene.contacts, boxes), rung)
     boxes[rng.permutation(len(boxes))[:5], :, 0] = 0.2
-    disjuncts = reading.box_disjuncts(scene.contacts, boxes)
+    disjuncts = states_of(reading).box_disjuncts(scene.contacts, boxes)
     cold = problem.solve(disjuncts, rung, relief_price=10.0)
     assert first.halfway is not None
     assert cold.halfway is not None
@@ -497,7 +504,10 @@ def test_pieces_make_up_the_whole(moments: str) -> None:
     """In any order, whole, cut by contact or by disjunct: the same load factor, and forces that are
     in equilibrium with it."""
     scene, rng, rung = random_wall(11), np.random.default_rng(2), settings_for("BLOCKWISE", 1e-9)
-    problem, disjuncts = HullProblem(scene), parse_moments(moments).box_disjuncts(scene.contacts)
+    problem, disjuncts = (
+        HullProblem(scene),
+        states_of(parse_moments(moments)).box_disjuncts(scene.contacts),
+    )
     whole = problem.solve(disjuncts, rung)
     assert whole.load_factor is not None
     for unit in (None, disjuncts.contact, np.arange(len(disjuncts))):
@@ -517,7 +527,10 @@ def test_a_problem_starts_where_it_was_halfway(moments: str, price: float | None
     """The same number for each of its variables, and other places only where pieces change theirs;
     cut in another way, too."""
     scene, rng, rung = random_wall(11), np.random.default_rng(4), settings_for("BLOCKWISE", 1e-8)
-    problem, disjuncts = HullProblem(scene), parse_moments(moments).box_disjuncts(scene.contacts)
+    problem, disjuncts = (
+        HullProblem(scene),
+        states_of(parse_moments(moments)).box_disjuncts(scene.contacts),
+    )
     pieces = problem.column_blocks(disjuncts, disjuncts.contact)
     halfway = problem.solve(pieces, rung, price).halfway
     assert halfway is not None
@@ -546,7 +559,7 @@ def test_a_problem_starts_where_it_was_halfway(moments: str, price: float | None
 def test_what_ends_early_still_bounds(moments: str) -> None:
     """A load factor that is not reached: the mechanism proves it, and less is not claimed."""
     scene, reading = random_wall(11), parse_moments(moments)
-    problem, disjuncts = HullProblem(scene), reading.box_disjuncts(scene.contacts)
+    problem, disjuncts = HullProblem(scene), states_of(reading).box_disjuncts(scene.contacts)
     whole = problem.solve(disjuncts, settings_for("BLOCKWISE", 1e-8)).load_factor
     assert whole is not None
     for above in (1.5, 1.1, 1.01):

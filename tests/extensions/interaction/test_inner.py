@@ -20,6 +20,7 @@ from cvxlimit.extensions.interaction.restriction.problems import InnerIterate
 from cvxlimit.extensions.interaction.settings import PROOF
 from cvxlimit.extensions.interaction.states.majorants import Forces, Point, Row, StepRows
 from cvxlimit.extensions.interaction.states.rectangles import Rectangles
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.methods.driver import Run
@@ -237,7 +238,7 @@ def test_safe_steps_do_not_fall(moments: str) -> None:
 def test_s12_class_panel_in_one_step_from_the_relaxation() -> None:
     """Issue: at least 0.1244 within 20 times the first solve; one hard step costs about 4."""
     scene = named_scene("s12-class")
-    relaxed = HullProblem(scene).solve(INDEPENDENT.box_disjuncts(scene.contacts))
+    relaxed = HullProblem(scene).solve(states_of(INDEPENDENT).box_disjuncts(scene.contacts))
     assert relaxed.forces is not None
     (first,) = inner(scene, "independent", most=1).iterates(relaxed.forces)
     assert first.kind == "safe"
@@ -414,7 +415,7 @@ def triangle() -> Scene:
 class TestRectangles:
     def test_they_lie_inside_with_no_longer_arms(self, moments: str) -> None:
         contacts = triangle().contacts
-        found = Rectangles.of(contacts, parse_moments(moments).inscribed)
+        found = Rectangles.of(contacts, states_of(parse_moments(moments)).inscribed)
         assert found.contacts.is_rectangle.all()
         _, inward, offset = contacts.edges
         arms = found.contacts.corner_points - contacts.origin[0]
@@ -429,7 +430,7 @@ class TestRectangles:
 
     def test_forces_are_the_same_wrench_in_either_frame(self, moments: str) -> None:
         contacts = triangle().contacts
-        found = Rectangles.of(contacts, parse_moments(moments).inscribed)
+        found = Rectangles.of(contacts, states_of(parse_moments(moments)).inscribed)
         x = np.random.default_rng(4).normal(size=(1, 6))
         there = found.outward(x)
         np.testing.assert_allclose(found.inward(there), x, atol=1e-12)
@@ -452,7 +453,7 @@ class TestRectangles:
 
     def test_rectangles_stay_as_they_are(self, moments: str) -> None:
         contacts = builtin_scene("tuff-wall").contacts
-        found = Rectangles.of(contacts, parse_moments(moments).inscribed)
+        found = Rectangles.of(contacts, states_of(parse_moments(moments)).inscribed)
         assert found.contacts is contacts
         x = np.random.default_rng(5).normal(size=(len(contacts), 6))
         np.testing.assert_array_equal(found.outward(x), x)
@@ -473,7 +474,7 @@ def test_progress_is_told_and_stops_are_lazy() -> None:
 def test_rows_with_less_curvature_contain_those_with_more() -> None:
     """At one point the load factor falls with curvature, and all of it is safe."""
     scene = builtin_scene("tuff-wall")
-    relaxed = HullProblem(scene).solve(INDEPENDENT.box_disjuncts(scene.contacts))
+    relaxed = HullProblem(scene).solve(states_of(INDEPENDENT).box_disjuncts(scene.contacts))
     assert relaxed.forces is not None
     method = inner(scene, "independent")
     point = method.point(relaxed.forces)

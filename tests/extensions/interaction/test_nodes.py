@@ -12,12 +12,13 @@ from cvxlimit.extensions.interaction.branching.tightening import Reach
 from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
 from cvxlimit.extensions.interaction.states.cells import triangles
-from cvxlimit.extensions.interaction.states.support import half_extent, whole_boxes
+from cvxlimit.extensions.interaction.states.states import states_of
+from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.masonry import random_wall, single_block
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.readings.named import MOMENTS
-from cvxlimit.readings.pressure import effective_arm
+from cvxlimit.readings.pressure import effective_arm, half_extent
 from cvxlimit.solvers import settings_for
 from determinate import arm_at, hexagons, prism, states, tangential
 from hull_in_cvxpy import hull_solved
@@ -125,7 +126,7 @@ def test_the_same_as_cvxpy_compiles(scene: Scene, name: str) -> None:
     assemblage = Assemblage.of(scene)
     written = HullProblem(assemblage)
     for boxes in (None, random_boxes(scene.contacts, rng)):
-        disjuncts = moments.box_disjuncts(scene.contacts, boxes)
+        disjuncts = states_of(moments).box_disjuncts(scene.contacts, boxes)
         ours = written.solve(disjuncts, TIGHT, relief_price=10.0)
         theirs = hull_solved(assemblage, disjuncts, TIGHT, 10.0)
         assert ours.load_factor is not None
@@ -218,7 +219,7 @@ def test_parts_cover_what_they_are_cut_from(name: str, is_even: bool) -> None:
             every = rng.uniform(-1.0, 1.0, 200)
             inside = every[holds(ends, every)]
             at = float(rng.uniform(-1.0, 1.0))
-            parts = MOMENTS[name].split(*ends, at, is_even)
+            parts = states_of(MOMENTS[name]).split(*ends, at, is_even)
             assert np.any([holds(part, inside) for part in parts], axis=0).all()
             assert all(abs(b - a) < abs(ends[1] - ends[0]) for a, b in parts)
             if not is_even:
@@ -231,7 +232,7 @@ def test_how_far_pressure_reaches(name: str) -> None:
     middle than that for a load factor of 0.2, and reaches the edge at 0.4."""
     scene = single_block((0.4, 0.4, 1.0), friction=0.7)
     assemblage = Assemblage.of(scene)
-    disjuncts = MOMENTS[name].box_disjuncts(scene.contacts)
+    disjuncts = states_of(MOMENTS[name]).box_disjuncts(scene.contacts)
     reach = Reach(HullProblem(assemblage), disjuncts, 0.2)
     ends = []
     for axis in (0, 1):
@@ -248,7 +249,7 @@ def test_how_far_pressure_reaches(name: str) -> None:
 def test_no_reach_where_nothing_presses() -> None:
     """A contact without disjuncts carries nothing: there is no answer to where."""
     scene = random_wall(23)
-    disjuncts = MOMENTS["signed"].box_disjuncts(scene.contacts).without(np.array([0]))
+    disjuncts = states_of(MOMENTS["signed"]).box_disjuncts(scene.contacts).without(np.array([0]))
     assert (
         Reach(HullProblem(Assemblage.of(scene)), disjuncts, 0.0).furthest(0, 0, 1.0, TIGHT) is None
     )

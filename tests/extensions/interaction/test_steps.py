@@ -11,6 +11,7 @@ from cvxlimit import Scene
 from cvxlimit.extensions.interaction.halves import SymmetricHalf
 from cvxlimit.extensions.interaction.restriction.steps import SafeStep
 from cvxlimit.extensions.interaction.states.majorants import Forces, Point, StepRows
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.masonry import panel
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions
@@ -52,7 +53,9 @@ def referee(
         limits.append(cp.abs(value[name]) <= value[size])
     here = Point(point.centre[step.kept], point.shear[step.kept])
     moments = step.moments
-    rows = StepRows(f, here, own, moments.slopes, moments.is_limited, moments.balance).rows()
+    rows = StepRows(
+        f, here, own, moments.slopes, moments.is_limited, states_of(moments).balance
+    ).rows()
     for row in rows:
         longer = row.lengthened(f.N, curvature) if row.squares else row
         w = slack - stated(longer.linear)

@@ -17,8 +17,12 @@ import scipy.sparse as sp
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import SolverError
-from cvxlimit.solvers.extensions import INTERIOR
+from cvxlimit.solvers.compiled import loaded
+from cvxlimit.solvers.matrices import Point
 from cvxlimit.solvers.sparse import elimination_order
+
+INTERIOR: Any = loaded("cvxlimit.extensions.blockcone._interior")
+"""``interior.c``; where it is None other solvers are used."""
 
 SOLVED, ALMOST, STALLED = "Solved", "AlmostSolved", "InsufficientProgress"
 INFEASIBLE, UNBOUNDED = "PrimalInfeasible", "DualInfeasible"
@@ -36,17 +40,6 @@ Program = tuple[FloatArray, sp.csc_array, FloatArray, tuple[int, int, list[int]]
 """The parts c, A, b and (zero, orthant, soc) of: min c'x subject to A x + s = b, where s is zero in
 the first ``zero`` rows, not negative in the next ``orthant`` rows, and in second-order cones of the
 sizes ``soc`` in the rest."""
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """An iterate: the unknowns x (n,), the duals y (p,) of equations and z (m,) of inequalities and
-    cones, and the slacks s (m,) of the latter."""
-
-    x: FloatArray
-    y: FloatArray
-    z: FloatArray
-    s: FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,18 +1,12 @@
-"""Speed against accuracy: methods side by side on one scene, errors against a reference, a chart.
+"""Speed against accuracy: models side by side on one scene, errors against a reference, a chart.
 
-To add a method, write a line into :mod:`cvxlimit.extensions.compare.registry`.
+Its door is ``cvxlimit.commands`` (``compare``); its public names are those of
+:mod:`cvxlimit.compare`. To read: ``models.py``, a model and its row; ``registry.py``, those by
+name; ``comparison.py``, the call; ``chart.py``; ``command.py``.
 """
 
-from cvxlimit.extensions.compare.comparison import DEFAULT_MODELS, Comparison, compare
-from cvxlimit.extensions.compare.models import Model
-from cvxlimit.extensions.compare.registry import registry
-from cvxlimit.solvers import settings_for
+from cvxlimit.base.doors import Offered
 
-__all__ = [
-    "DEFAULT_MODELS",
-    "Comparison",
-    "Model",
-    "compare",
-    "registry",
-    "settings_for",
-]
+OFFERED: Offered = {
+    "cvxlimit.commands": {"compare": "cvxlimit.extensions.compare.command:compare_command"},
+}

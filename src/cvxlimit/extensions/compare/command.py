@@ -14,7 +14,7 @@ from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, option
 from cvxlimit.cli.report import ExitCode, check_outputs, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.compare import Comparison, compare
+from cvxlimit.extensions.compare.comparison import Comparison, compare
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.plotting.look import IMAGES
 

@@ -222,7 +222,7 @@ def compare(
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.extensions.compare import Model, settings_for
+    >>> from cvxlimit.compare import Model, settings_for
     >>> loose = Model("loose", surface="octagon", solver=settings_for("CLARABEL", 1e-3))
     >>> result = compare(builtin_scene("single-block"), [loose], repeat=1, progress=False)
     >>> result.rows[0].failed

@@ -212,7 +212,7 @@ class Model(Method):
 
     def _chosen(self) -> driver.Method:
         check_choice("method", self.method, TABLE)
-        moments = self.moments if hasattr(TABLE[self.method].method, "moments") else None
+        moments = self.moments if hasattr(TABLE[self.method], "moments") else None
         settings = {"moments": moments, "tolerance": self.tolerance}
         return chosen(self.surface, self.method, settings)
 

@@ -62,6 +62,7 @@ class Gilbert(Method):
     name = "gilbert"
     answers = "Gilbert's scheme for one solution without dilatancy, with a check of its friction"
     axis = "flow"
+    surfaces, takes, reduces = ("conic", "facets"), (), False
 
     tolerance: float = 1e-3
     excess: float = 1e-2

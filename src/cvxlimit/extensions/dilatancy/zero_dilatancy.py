@@ -112,6 +112,7 @@ class ZeroDilatancy(Method):
     name = "zero-dilatancy"
     answers = "friction that slides without opening: a set of solutions, the lowest found first"
     axis = "flow"
+    takes, reduces = ("reactions", "cohesion", "strength"), False
 
     tolerance: float = 1e-6
     seed: int = 0

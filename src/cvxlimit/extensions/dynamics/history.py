@@ -12,7 +12,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import InputError, SolverError
 from cvxlimit.extensions.dynamics.record import Record
-from cvxlimit.extensions.paths.path import rotation
+from cvxlimit.results.movement import rotation
 from cvxlimit.scene import Scene
 
 Ending = Literal["falls", "stands", "moves"]

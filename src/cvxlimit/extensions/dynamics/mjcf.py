@@ -63,6 +63,11 @@ def refuse(scene: Scene) -> None:
             raise ModelError(f"block {block.id!r} has no weight, and so no mass: give it a density")
 
 
+def written(scene: Scene, solution: object) -> str:
+    """The scene alone, as :func:`cvxlimit.io.export` asks for it."""
+    return mjcf(scene)
+
+
 def mjcf(scene: Scene, g: float = G) -> str:
     """The scene as MJCF, to run in MuJoCo or to go on with.
 

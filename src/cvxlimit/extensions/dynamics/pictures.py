@@ -10,12 +10,12 @@ import numpy as np
 
 from cvxlimit.base.checks import meant
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.paths.pictures import frames_of, motions_of
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.look import SPEED_STOPS, WAY_TEXT, printable, saved
 from cvxlimit.plotting.picture import seen
-from cvxlimit.plotting.pictures.animation import Animation
+from cvxlimit.plotting.pictures.animation import Animation, frames_of
 from cvxlimit.plotting.registry import figures
+from cvxlimit.results.movement import motions_of
 
 _COLOURS = ("#f59e0b", "#8b2fc9", "#2a9d8f", "#134b73")
 """Of the runs, the best one last."""

@@ -18,7 +18,7 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extensions.dynamics.history import Ending, Motion, TimeHistory
 from cvxlimit.extensions.dynamics.mjcf import metres, mjcf
 from cvxlimit.extensions.dynamics.record import G, Record
-from cvxlimit.extensions.paths.refusing import checked_control
+from cvxlimit.results.movement import checked_control
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
 

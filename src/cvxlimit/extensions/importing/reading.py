@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.checks import positive
+from cvxlimit.base.doors import Door
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.extensions.importing.bodies import Body, natural, separated
 from cvxlimit.extensions.importing.compas import bodies_of, is_compas, is_object, read_compas
 from cvxlimit.extensions.importing.digits import is_single, too_few_digits, with_noise
-from cvxlimit.extensions.importing.dxf import read_dxf
-from cvxlimit.extensions.importing.meshes import MESHES, read_mesh
+from cvxlimit.extensions.importing.meshes import read_mesh
 from cvxlimit.extensions.importing.obj import read_obj
 from cvxlimit.extensions.importing.off import read_off
 from cvxlimit.extensions.importing.sheets import is_sheet, with_slabs
@@ -304,7 +304,23 @@ def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) ->
         return [part for body in bodies for part in separated(body)]
 
 
-def _read_json(path: Path, _: list[str]) -> list[Body]:
+def obj_file(path: Path, notes: list[str]) -> list[Body]:
+    return read_obj(decoded(read_bytes(path)))
+
+
+def off_file(path: Path, notes: list[str]) -> list[Body]:
+    return read_off(decoded(read_bytes(path)))
+
+
+def table_file(path: Path, notes: list[str]) -> list[Body]:
+    return read_table(decoded(read_bytes(path)))
+
+
+def mesh_file(path: Path, notes: list[str]) -> list[Body]:
+    return read_mesh(path)
+
+
+def json_file(path: Path, notes: list[str]) -> list[Body]:
     document = parsed(read_bytes(path))
     if isinstance(document, dict) and document.get("format") == "cvxlimit-scene":
         raise InputError("this is a scene already: solve it, there is nothing to import")
@@ -316,15 +332,9 @@ def _read_json(path: Path, _: list[str]) -> list[Body]:
     return read_compas(document)
 
 
-READERS: dict[str, Callable[[Path, list[str]], list[Body]]] = {
-    ".obj": lambda path, _: read_obj(decoded(read_bytes(path))),
-    ".json": _read_json,
-    ".csv": lambda path, _: read_table(decoded(read_bytes(path))),
-    ".off": lambda path, _: read_off(decoded(read_bytes(path))),
-    ".dxf": read_dxf,
-    **dict.fromkeys(MESHES, lambda path, _: read_mesh(path)),
-}
-"""Reader by suffix, of a file and the notes on what it leaves out: add a format with one line."""
+READERS: Mapping[str, Callable[[Path, list[str]], list[Body]]] = Door("cvxlimit.readers")
+"""Reader by suffix, of a file and the notes on what it leaves out; those of other distributions
+among them."""
 
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]

@@ -16,20 +16,24 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, not_negative, ratio
+from cvxlimit.base.workers import processes
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.interaction.branching.search import BranchAndBound, processes
+from cvxlimit.extensions.interaction.branching.search import BranchAndBound
+from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.halves import SymmetricHalf
 from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.extensions.interaction.restriction.inner import InnerMethod
 from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBounds, basis, prove
 from cvxlimit.extensions.interaction.restriction.slater import carrying_forces
 from cvxlimit.extensions.interaction.settings import BRACKET
+from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.standing import fallen
 from cvxlimit.methods.wedging import judged
 from cvxlimit.model.program import LimitProgram
+from cvxlimit.proof.strength import ContactFlow
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import Reductions
@@ -86,6 +90,8 @@ class Certified(Method):
 
     name = "certified"
     answers = "interaction with bending (Eq. 26-32), proved from below and from above"
+    surfaces, takes = ("conic",), ()
+    usual = BRACKET.good
 
     tolerance: float | None = None
     starts: tuple[str, ...] | None = None
@@ -111,6 +117,9 @@ class Certified(Method):
             if getattr(self, name) is not None:
                 not_negative(getattr(self, name), name)
         count(self.workers, 1, "workers")
+
+    def flow(self, contacts: Contacts) -> ContactFlow:
+        return InteractionFlow(contacts, parse_moments(self.moments))
 
     def steps(self, run: Run) -> Steps:
         run.moments = parse_moments(self.moments)

@@ -23,16 +23,17 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.extensions.interaction.states.settings import SUPPORT
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.extensions.interaction.states.support import (
     Asked,
     box_keys,
     corner_support,
-    half_extent,
     whole_boxes,
 )
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.model.flow import Shortfall
 from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.pressure import half_extent
 
 _Worst = tuple[FloatArray, FloatArray, FloatArray]
 """Shortfalls (n,), the pressure centres (n, 2) that have them, and the arms (n,) there."""
@@ -83,10 +84,10 @@ class InteractionFlow:
         self.boxes = whole_boxes(contacts) if boxes is None else boxes
         # Contacts by the way of their support function: friction at a polygon's corners, boxes of
         # centres on rectangles, triangles of centres on other polygons.
-        has_corners = moments.has_corner_hull(contacts, self.boxes)
+        has_corners = states_of(moments).has_corner_hull(contacts, self.boxes)
         self._corners = np.flatnonzero(~contacts.is_rectangle & has_corners)
         self._rectangles = np.flatnonzero(contacts.is_rectangle)
-        self._cells = moments.cells(contacts, self.boxes)
+        self._cells = states_of(moments).cells(contacts, self.boxes)
         # Answers are kept: pricing asks again for the rates of the bound before it.
         self._last_rates, self._last_worst = np.zeros(0), (np.zeros(0),) * 3
         self._opening_field = _OpeningField()
@@ -174,10 +175,10 @@ class InteractionFlow:
         if len(rows := self._corners):
             power[rows] = corner_support(w, self.contacts)[rows]
         if len(rows := self._rectangles):
-            power[rows], centre[rows] = self.moments.support(asked.take(rows), halvings)
+            power[rows], centre[rows] = states_of(self.moments).support(asked.take(rows), halvings)
         if len(self._cells):
             rows = np.unique(self._cells.contact)
-            most, where = self.moments.cell_support(asked, self._cells, halvings)
+            most, where = states_of(self.moments).cell_support(asked, self._cells, halvings)
             # Equal polygons share their cells up to rounding: what a cell may end short of its
             # polygon adds to the power.
             moments = np.abs(w[:, COLUMN["M1"]]) + np.abs(w[:, COLUMN["M2"]])

@@ -16,10 +16,9 @@ from rich.text import Text
 
 from cvxlimit.base.files import write_file
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, option, vector
+from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, named_block, option
 from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
-from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.code_check import code_check
 from cvxlimit.extensions.paths.files import PATH
 from cvxlimit.extensions.paths.path import PROVES
@@ -71,7 +70,11 @@ class Followed:
     )
 
 
-@command_of(Followed)
+@command_of(
+    Followed,
+    "Exit code: 0 the path ends; 2 bad input; 3 no answer exists; 4 it was broken off, or a "
+    "bracket is wider than 1e-5.",
+)
 def pushover_command(asked: Followed) -> ExitCode:
     """Follow a structure after its collapse factor in finite displacements, with a bracket at every
     configuration."""
@@ -110,16 +113,6 @@ def _begin(name: str) -> Scene | Displacements:
         document = read_document(name)
         is_path = isinstance(document, dict) and document.get("format") == "cvxlimit-path"
         return PATH.from_dict(document) if is_path else scene_from_dict(document)
-
-
-def named_block(text: str | None) -> tuple[str, tuple[float, ...]] | None:
-    """Block and direction of ``--control``."""
-    if text is None:
-        return None
-    block, colon, direction = text.rpartition(":")
-    if not (block and colon):
-        raise InputError(f"--control {text}: BLOCK:X,Y,Z is meant, as in b17:0,1,0")
-    return block, vector(f"--control {block}", direction, "b17:0,1,0")
 
 
 def _summary(path: Displacements, written: list[str]) -> Table:

@@ -39,7 +39,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.extensions.blockcone.interior import Point
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.extensions.paths.path import Points
 from cvxlimit.geometry.contacts import Contacts
@@ -51,6 +50,7 @@ from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import Outcome, SolverSettings, blockwise, settings_for
+from cvxlimit.solvers.matrices import Point
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces import Rocking
 from cvxlimit.surfaces.base import CONSTANT, Condition, Norm, product, times

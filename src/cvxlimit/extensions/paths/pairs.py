@@ -9,13 +9,13 @@ from typing import Self
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.extensions.paths.path import rotation
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import planes
 from cvxlimit.geometry.facing import Reach
 from cvxlimit.geometry.mesh import area_vectors
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.polygons import members_of
+from cvxlimit.results.movement import rotation
 from cvxlimit.scene import Scene
 
 OPPOSED = -0.5

@@ -7,13 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.doors import attached
+from cvxlimit.results.movement import rotation
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load
 from cvxlimit.solution import Solution
@@ -194,6 +195,8 @@ class Path:
     until : float
         Load factor that was asked for as its end.
     """
+
+    format: ClassVar[str] = "cvxlimit-path"
 
     initial: Solution
     configurations: tuple[Configuration, ...]
@@ -421,19 +424,30 @@ class Path:
         """The film of :meth:`plot`: every configuration as it is, from rest to the end and back."""
         return self.plot("film", path, **options)
 
+    def facts(self) -> Iterator[tuple[str, str]]:
+        """What a report says of it, beside its curve."""
+        which = "the path of this model: joints rock and do not slide"
+        if self.slides:
+            limit = (
+                "an upper limit" if self.flow == "associated" else "one of several possible paths"
+            )
+            which = f"{limit}: joints slide on the way, so that the curve depends on the step"
+        yield "in words", which
+        first, last = (f"{self.load_factor[k]:.5g}" for k in (0, -1))
+        way = f"{self.displacement[-1]:.5g} {self.scene.units.length}"
+        of = "the live load (mean)" if self.control is None else f"block {self.control[0]}"
+        yield "load factor", f"{first} with friction at points, {last} where the path ends"
+        yield "displacement", f"of {of}: {way} where it ends, after {len(self) - 1} steps"
+        if self.reason != self.headline:
+            yield "ends", self.reason
+        if self.snaps:
+            yield "snaps", f"{len(self.snaps)}: the structure jumps there"
+        yield from (("note", note) for note in self.notes)
+        yield "rests on", PROVES
+
     def to_dataframe(self) -> Any:
         """One row for each configuration, as a pandas DataFrame."""
         return attached("path_table")(self)
-
-
-def rotation(vector: FloatArray) -> FloatArray:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3): Rodrigues' formula."""
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    x, y, z = np.moveaxis(np.asarray(vector), -1, 0)
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
-    half = np.sinc(angle / (2.0 * np.pi))  # sinc keeps all digits near 0
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * cross @ cross)
 
 
 def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:

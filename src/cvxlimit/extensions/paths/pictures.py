@@ -10,8 +10,7 @@ from one position to another.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any
 
 from cvxlimit.base.arrays import FloatArray
@@ -20,12 +19,10 @@ from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.path import PROVES, Path
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.look import DIGITS, SPEED_STOPS, WAY_TEXT, printable, saved
-from cvxlimit.plotting.picture import seen
-from cvxlimit.plotting.pictures.animation import DPI, Animation
+from cvxlimit.plotting.pictures.animation import Animation, frames_of
 from cvxlimit.plotting.pictures.webpage import Page, path_page, sentences
 from cvxlimit.plotting.registry import figures
-from cvxlimit.results.movement import Motion, moved_by
-from cvxlimit.scene import Scene
+from cvxlimit.results.movement import Motion, motions_of
 from cvxlimit.solution.bracket import rounded
 
 _LINE, _DROP, _BRACKET, _FINE = "#134b73", "#d62246", "#8b2fc9", "#f59e0b"
@@ -124,24 +121,6 @@ def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
     return Animation(frames, _PAUSE * len(frames))
 
 
-def frames_of(
-    drawing: Drawing, motions: Sequence[Motion], texts: Sequence[str], options: dict[str, Any]
-) -> list[Any]:
-    """Pixels of a drawing in each of its motions, with a text below it."""
-    toolkit = figures()
-    figure, artists = toolkit.assembled(drawing, seen(drawing), toolkit.Sheet(**options))
-    figure.set_dpi(DPI)
-    # Frames are drawn on one figure: the blocks of the last one are removed, the axes stay.
-    forward = []
-    for motion, text in zip(motions, texts, strict=True):
-        for artist in artists:
-            artist.remove()
-        artists = toolkit.draw_seen(figure.axes[0], seen(replace(drawing, moving=motion)), 1.0)
-        artists.append(figure.text(0.02, 0.02, text, fontsize=8))
-        forward.append(figure.pixels())
-    return forward
-
-
 def page(path: Path) -> Page:
     """A page, one file that needs no network, with a slider over the configurations beside the
     curve."""
@@ -161,14 +140,6 @@ def _numbers(path: Path) -> dict[str, Any]:
 
 def _motions(path: Path) -> list[Motion]:
     return motions_of(path.scene, [each.displacements for each in path])
-
-
-def motions_of(scene: Scene, moved: Sequence[Mapping[str, FloatArray]]) -> list[Motion]:
-    """The motion to each configuration. All have the colours of the one that moved most, so that a
-    block keeps its colour through a film."""
-    motions = [moved_by(scene, each) for each in moved]
-    largest = max(motions, key=lambda moving: moving.largest)
-    return [replace(moving, speed=largest.speed) for moving in motions]
 
 
 def _texts(path: Path) -> list[str]:

@@ -16,20 +16,24 @@ proves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray
+from cvxlimit.extensions.paths.files import PATH
 from cvxlimit.extensions.paths.following import FINEST, JUMP, MOST, REACH, At, Walk
 from cvxlimit.extensions.paths.increment import Increment
 from cvxlimit.extensions.paths.path import CLOSED, SLIDING, Path, Points
 from cvxlimit.extensions.paths.points import Start
 from cvxlimit.extensions.paths.proof import bracket_of
+from cvxlimit.io.scenes import scene_digest
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
+from cvxlimit.proving.prove import BOTH_CASES, Proof, Scenes, scene_of
 from cvxlimit.proving.solutions import solution_checks
 
 _LOOKED_AT = (
@@ -224,3 +228,14 @@ def _are_among(held: Points, found: Points, size: float) -> BoolArray:
     ]  # fmt: skip
     own, others = (np.concatenate(parts, axis=1) for parts in features)
     return np.array([(np.abs(others - row).max(axis=1) <= CLOSED).any() for row in own], dtype=bool)
+
+
+def prove_path(what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
+    """A path, or what a file of one holds; see :func:`cvxlimit.prove`."""
+    path = what if isinstance(what, Path) else PATH.from_dict(what)
+    if scene is not None:
+        scene_of(path.scene.name, scene_digest(path.scene), scene, BOTH_CASES)
+    checks, held = [*path_checks(path)], path.initial.scene_digest
+    if held and held != scene_digest(path.scene):
+        checks.append(Check("initial: scene_digest", False, "it is of another scene"))
+    return Proof(f"path of scene {path.scene.name!r}", tuple(checks))

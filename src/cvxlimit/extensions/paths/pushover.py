@@ -13,8 +13,9 @@ from cvxlimit.base.checks import count, is_number, positive
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.paths.following import REACH, Walk
 from cvxlimit.extensions.paths.path import Flow, Path
-from cvxlimit.extensions.paths.refusing import checked_control, refuse, refuse_answer
+from cvxlimit.extensions.paths.refusing import refuse, refuse_answer
 from cvxlimit.methods.solving import solve
+from cvxlimit.results.movement import checked_control
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
 

@@ -2,28 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import ModelError, NoAnswerError
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
-
-
-def checked_control(scene: Scene, control: Any) -> tuple[str, tuple[float, float, float]]:
-    try:
-        block, direction = control
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"control must be (block id, direction), got {control!r}") from error
-    free = [scene.blocks[i].id for i in scene.free]
-    if block not in free:
-        raise ModelError(f"control names {block!r}, which is no free block of {scene.name!r}")
-    x, y, z = finite_vector(direction, 3, "direction of the control point").tolist()
-    if not (x or y or z):
-        raise ModelError("direction of the control point must not be zero, got (0, 0, 0)")
-    return block, (x, y, z)
 
 
 def refuse(scene: Scene) -> None:

@@ -1,26 +1,27 @@
-"""Studies of many scenes: sweeps over parameters, random draws, load domains.
+"""Studies of many scenes: sweeps over parameters, random draws, load domains, vehicles.
 
-:func:`sweep` solves all variations of a structure in one call and returns a table; :func:`draws`
-draws variations at random.
-:func:`load_domain` encloses all load vectors that a structure carries. :func:`prove` checks what
-was stored from the forces and mechanisms in it.
+Its doors are ``cvxlimit.commands`` (``sweep``, ``domain``, ``envelope``), ``cvxlimit.readings`` and
+``cvxlimit.proofs``; its public names are those of :mod:`cvxlimit.studies`. To read:
+``variations.py``, what is varied; ``rows.py``, one row; ``patched.py``, rows that share a problem;
+``identity.py`` and ``store.py``, what is kept; ``sweeping.py``, the call; ``domains``, all load
+vectors that a structure carries; ``envelopes.py``, a vehicle at every position; ``command.py`` and
+``crossing.py``.
 """
 
-from cvxlimit.extensions.envelopes.envelopes import Envelope, Vehicle, envelope
-from cvxlimit.extensions.studies.domains.comparing import DomainComparison, compare_domains
-from cvxlimit.extensions.studies.domains.document import read_domain, write_domain
-from cvxlimit.extensions.studies.domains.domain import LoadDomain
-from cvxlimit.extensions.studies.domains.exploring import explore
-from cvxlimit.extensions.studies.domains.search import load_domain
-from cvxlimit.extensions.studies.domains.supports import Support
-from cvxlimit.extensions.studies.store import read_sweep
-from cvxlimit.extensions.studies.sweeping import sweep
-from cvxlimit.extensions.studies.variations import draws, varied
-from cvxlimit.proof.checks import Check
-from cvxlimit.proving.prove import Proof, prove
+from cvxlimit.base.doors import Offered
 
-__all__ = [
-    "Check", "DomainComparison", "Envelope", "LoadDomain", "Proof", "Support", "Vehicle",
-    "compare_domains", "draws", "envelope", "explore", "load_domain", "prove", "read_domain",
-    "read_sweep", "sweep", "varied", "write_domain",
-]  # fmt: skip
+OFFERED: Offered = {
+    "cvxlimit.commands": {
+        "sweep": "cvxlimit.extensions.studies.command:sweep_command",
+        "envelope": "cvxlimit.extensions.studies.crossing:envelope_command",
+        "domain": "cvxlimit.extensions.studies.domains.command:domain_command",
+    },
+    "cvxlimit.documents": {"domain": "cvxlimit.extensions.studies.domains.document:DOMAIN"},
+    "cvxlimit.proofs": {
+        "cvxlimit-domain": "cvxlimit.extensions.studies.domains.proving:prove_domain",
+        "cvxlimit-sweep": "cvxlimit.extensions.studies.proving:prove_sweep",
+    },
+    "cvxlimit.readings": {
+        "scene_explore": "cvxlimit.extensions.studies.domains.exploring:explore",
+    },
+}

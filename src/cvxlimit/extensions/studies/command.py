@@ -16,6 +16,7 @@ from rich.text import Text
 
 from cvxlimit.base.arrays import SMALL
 from cvxlimit.base.checks import count
+from cvxlimit.base.workers import processes
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import (
     EFFORT,
@@ -29,8 +30,7 @@ from cvxlimit.cli.options import (
 from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.interaction.branching.search import processes
-from cvxlimit.extensions.studies import sweep
+from cvxlimit.extensions.studies.sweeping import sweep
 from cvxlimit.io.fields import one_line
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
@@ -60,7 +60,11 @@ class Variations:
     workers: int = option("N", "Processes that solve; 1 unless given.", 1, group=EFFORT)
 
 
-@command_of(Variations)
+@command_of(
+    Variations,
+    "Exit code: 0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not solved "
+    "and kept as rows.",
+)
 def sweep_command(asked: Variations) -> ExitCode:
     """Solve all variations of a scene; every row has its own bracket, and failures are kept as
     rows."""

@@ -171,15 +171,15 @@ def path_page(scene: Scene, motions: Sequence[Motion], told: dict[str, Any]) -> 
     return framed("viewer.html", data)
 
 
-def asset(name: str) -> str:
-    """A part of pages, as it lies beside this module."""
-    return files("cvxlimit.plotting").joinpath(name).read_text(encoding="utf-8")
+def asset(name: str, home: str = "cvxlimit.plotting") -> str:
+    """A part of pages, as it lies beside the modules of a folder."""
+    return files(home).joinpath(name).read_text(encoding="utf-8")
 
 
-def framed(name: str, data: dict[str, Any]) -> Page:
-    """A page of the frame that all share, and of what ``name`` has: controls, and a script that
-    finds ``data`` by its name."""
-    frame, ticks, part = map(asset, ("frame.html", "ticks.js", name))
+def framed(name: str, data: dict[str, Any], home: str = "cvxlimit.plotting") -> Page:
+    """A page of the frame that all share, and of what ``name`` in the folder ``home`` has:
+    controls, and a script that finds ``data`` by its name."""
+    frame, ticks, part = asset("frame.html"), asset("ticks.js"), asset(name, home)
     controls, script = part.split("<script>\n")
     parts = {
         "<!--ASIDE-->\n": controls,

@@ -19,6 +19,7 @@ from cvxlimit.extensions.interaction.relaxation.hull import HullProblem, HullSta
 from cvxlimit.extensions.interaction.relaxation.upper import priced_disjuncts
 from cvxlimit.extensions.interaction.settings import BRANCH
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.extensions.interaction.states.support import Range, box_keys
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage
@@ -186,7 +187,7 @@ class Relaxer:
         if new := [*dict.fromkeys(k for each in keys for k in each if k not in self._pieces)]:
             rows = np.array([j for j, _ in new])
             boxes = np.frombuffer(b"".join(ends for _, ends in new)).reshape(-1, 2, 2)
-            disjuncts = self.moments.box_disjuncts(self.contacts.take(rows), boxes)
+            disjuncts = states_of(self.moments).box_disjuncts(self.contacts.take(rows), boxes)
             unit = disjuncts.contact
             found = self.problem.column_blocks(replace(disjuncts, contact=rows[unit]), unit, new)
             self._pieces.update(zip(new, found, strict=True))
@@ -322,7 +323,7 @@ def choice(relaxer: Relaxer, node: Node) -> Split | None:
 def _place(relaxer: Relaxer, node: Node, forces: FloatArray, contact: int) -> Split:
     """Returns the split of a contact's box near the pressure centre of the forces (n, 6)."""
     centre = centres(forces, relaxer.contacts)[contact]
-    box, centre = relaxer.moments.folded(node.boxes[contact], centre)
+    box, centre = states_of(relaxer.moments).folded(node.boxes[contact], centre)
     low, high = box.T
     inner = np.maximum((high - centre) * (centre - low), 0.0) + 1e-3 * (high - low) ** 2
     axis = int(inner.argmax())
@@ -344,7 +345,7 @@ def _widest(relaxer: Relaxer, node: Node) -> Split | None:
 def _cut(relaxer: Relaxer, node: Node, contact: int, axis: int, at: float) -> Split:
     low, high = node.boxes[contact, axis].tolist()
     is_even = bool(relaxer.contacts.is_rectangle[contact])
-    return Split(contact, axis, tuple(relaxer.moments.split(low, high, at, is_even)))
+    return Split(contact, axis, tuple(states_of(relaxer.moments).split(low, high, at, is_even)))
 
 
 def explore(relaxer: Relaxer, nodes: Sequence[Node], goal: Goal) -> Explored:

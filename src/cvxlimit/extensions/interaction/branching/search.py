@@ -19,11 +19,9 @@ side of the contact (e1, e2), low and high end, as fractions of the half extents
 from __future__ import annotations
 
 import heapq
-import signal
 import uuid
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -36,6 +34,7 @@ from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.extensions.interaction.restriction.inner import InnerMethod
 from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBounds, plain_witnesses
 from cvxlimit.extensions.interaction.settings import BRANCH
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage, Balance
@@ -84,25 +83,6 @@ class Task:
 
 _relaxers: dict[str, Relaxer] = {}
 """The relaxer of this process by its key, one at a time."""
-
-
-@contextmanager
-def processes(workers: int) -> Iterator[Executor | None]:
-    """Yields an executor with so many processes for :class:`BranchAndBound`, or None for one
-    worker, which is this process. Ctrl-C does not reach them."""
-    if workers < 2:
-        yield None
-        return
-    pool = ProcessPoolExecutor(workers, initializer=_ignore_interrupts)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _ignore_interrupts() -> None:
-    """Makes this process ignore Ctrl-C."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 _State = tuple[FloatArray, float]
@@ -403,7 +383,7 @@ class BranchAndBound:
         """Returns the state with the largest load factor whose forces press within ``reach`` of
         given centres (n, 2), both fractions of the half extents; None unless the checker accepts
         it."""
-        disjuncts = self.run.moments.safe_disjuncts(self.run.contacts, centre, reach)
+        disjuncts = states_of(self.run.moments).safe_disjuncts(self.run.contacts, centre, reach)
         with self.run.clock.phase("solve"):
             state = self.relaxer.solve(disjuncts, None, ladder=self.relaxer.tight[:1])
         self.solves += 1

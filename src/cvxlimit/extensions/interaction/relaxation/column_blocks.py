@@ -22,8 +22,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.extensions.blockcone.interior import Point
 from cvxlimit.model.sinks import Rows
+from cvxlimit.solvers.matrices import Point
 
 Entry = tuple[IntArray, IntArray, FloatArray]
 """Rows, columns and values of a sparse matrix."""

@@ -17,6 +17,7 @@ from cvxlimit.extensions.interaction.halves import SymmetricHalf
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem, HullState
 from cvxlimit.extensions.interaction.settings import BRACKET
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
 from cvxlimit.proof.certificate import Certifier
@@ -52,7 +53,9 @@ def priced_disjuncts(
     rows = np.flatnonzero(chosen)
 
     def at(rows: IntArray, place: FloatArray) -> Disjuncts:
-        return flow.moments.disjuncts_at(flow.contacts, rows, place, flow.boxes, arm[rows])
+        return states_of(flow.moments).disjuncts_at(
+            flow.contacts, rows, place, flow.boxes, arm[rows]
+        )
 
     result = at(rows, centre[rows])
     if beside > 0.0:
@@ -78,7 +81,9 @@ class UpperBound:
             self.flow = InteractionFlow(run.contacts, run.moments, is_coarse=True)
             self.certifier = Certifier(run.assemblage, (Rocking(),), flow=self.flow)
             self.problem = HullProblem(run.assemblage, half)
-            self.pieces = self.problem.column_blocks(run.moments.box_disjuncts(run.contacts))
+            self.pieces = self.problem.column_blocks(
+                states_of(run.moments).box_disjuncts(run.contacts)
+            )
         self.state: LimitState | None = None
         self._beside, self.claims_no_optimum = BRACKET.beside, False
 

@@ -18,6 +18,7 @@ from cvxlimit.extensions.interaction.restriction.problems import InnerIterate, S
 from cvxlimit.extensions.interaction.settings import BRACKET, CLIMB, PROOF
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.extensions.interaction.states.majorants import Point
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.readings.moments import Moments
@@ -57,7 +58,7 @@ class Boxes:
     def disjuncts(self) -> Disjuncts:
         reach = self.size[:, None]
         ends = np.stack([self.centre - reach, self.centre + reach], axis=2)
-        return self.moments.box_disjuncts(self.contacts, np.clip(ends, -1.0, 1.0))
+        return states_of(self.moments).box_disjuncts(self.contacts, np.clip(ends, -1.0, 1.0))
 
     def follow(self, forces: FloatArray, *, exploring: bool) -> None:
         over = np.maximum(self.moments.excess(forces, self.contacts), 0.0) / self.force
@@ -94,7 +95,7 @@ class InnerMethod(SafeProblems):
     def starts(self) -> tuple[str, ...]:
         """Where searches begin unless they are told. Safe steps know rectangles only, so boxes come
         first where contacts have other shapes."""
-        every, count = self.moments.starts, len(self.run.contacts)
+        every, count = states_of(self.moments).starts, len(self.run.contacts)
         if self.has_others and count > BRACKET.few:
             return tuple(dict.fromkeys(("boxes", *every)))
         return tuple(s for s in every if s != "boxes" or count <= NUMBERS.leads_from)
@@ -124,7 +125,7 @@ class InnerMethod(SafeProblems):
         run = self.run
         self.begin(f"{stricter} relaxation")
         whole = whole_boxes(run.contacts)
-        relaxed = self.relaxed("hull", stricter.box_disjuncts(run.contacts, whole))
+        relaxed = self.relaxed("hull", states_of(stricter).box_disjuncts(run.contacts, whole))
         yield relaxed
         near = relaxed.state.forces
         if near is None or relaxed.load_factor <= run.best.bracket.lower:
@@ -247,7 +248,7 @@ class InnerMethod(SafeProblems):
     def improve(self, point: Point, reach: float | None = None) -> Iterator[InnerIterate]:
         """Safe steps, each at the last one's forces or ahead of them by ``reach`` (None: as the
         moments have it), until they gain little, or could not reach the best bound."""
-        reach = self.moments.reach if reach is None else reach
+        reach = states_of(self.moments).reach if reach is None else reach
         best, before, retreats, gains = -np.inf, None, iter(CLIMB.retreats), [np.inf]
         here = at = point
         while True:

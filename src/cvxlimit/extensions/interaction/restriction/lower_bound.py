@@ -18,7 +18,7 @@ from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
 from cvxlimit.extensions.interaction.restriction.steps import SafeStep
 from cvxlimit.extensions.interaction.settings import PROOF
 from cvxlimit.extensions.interaction.states.majorants import Point
-from cvxlimit.extensions.interaction.states.support import half_extent
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.driver import Run
@@ -30,7 +30,7 @@ from cvxlimit.model.statics import block_sizes
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import Strength
 from cvxlimit.readings.moments import Moments
-from cvxlimit.readings.pressure import centres
+from cvxlimit.readings.pressure import centres, half_extent
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Bracket
 from cvxlimit.solvers import LimitState, default_ladder, tight_ladder
@@ -288,7 +288,7 @@ def _stepped(
     """Returns the bound of a safe step from the forces with a ``margin`` (n,) less friction."""
     step = SafeStep(_slippery(run, margin), run.moments)
     point = step.point(forces, Point.middle(step.statics.contacts), PROOF.accepted)
-    state = step.solve(point.shrunk(run.moments.shrink), tight_ladder()[0])
+    state = step.solve(point.shrunk(states_of(run.moments).shrink), tight_ladder()[0])
     if state.forces is None or state.load_factor is None:
         return None
     return checker.of(state.forces, state.load_factor)
@@ -308,7 +308,9 @@ def _proof(
     contacts, extent = run.contacts, half_extent(run.contacts)
     centre = centres(forces, contacts, 1.0 - margin)
     is_idle = forces[:, COLUMN["N"]] <= ROUNDING * run.scaling.force
-    disjuncts = run.moments.safe_disjuncts(contacts, centre).without(np.flatnonzero(is_idle))
+    disjuncts = (
+        states_of(run.moments).safe_disjuncts(contacts, centre).without(np.flatnonzero(is_idle))
+    )
     state = HullProblem(_slippery(run, margin)).solve(disjuncts, tight_ladder()[0])
     if state.forces is None or state.load_factor is None:
         return None

@@ -30,16 +30,16 @@ from cvxlimit.extensions.interaction.halves import SymmetricHalf
 from cvxlimit.extensions.interaction.relaxation.column_blocks import Halfway
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
 from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBound, LowerBounds
+from cvxlimit.extensions.interaction.restriction.pressed import PressedProblem
 from cvxlimit.extensions.interaction.restriction.steps import SafeStep, StepState
 from cvxlimit.extensions.interaction.settings import PROOF
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.extensions.interaction.states.majorants import Point
-from cvxlimit.extensions.interaction.states.support import half_extent
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
-from cvxlimit.methods.frozen import PressedProblem
 from cvxlimit.readings.moments import Moments
-from cvxlimit.readings.pressure import Pressure
+from cvxlimit.readings.pressure import Pressure, half_extent
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution.bracket import known
 from cvxlimit.solvers import (
@@ -164,7 +164,8 @@ class SafeProblems:
     def pressed(self) -> PressedProblem:
         """The frozen problem: stated once, its Parameters set to where contacts are pressed."""
         with self.run.clock.phase("compile"):
-            return PressedProblem(self.run.assemblage, Conic(), self.moments, half=self.half)
+            restricted = None if self.half is None else self.half.reduction
+            return PressedProblem(self.run.assemblage, Conic(), self.moments, restricted=restricted)
 
     def relaxed(self, kind: str, disjuncts: Disjuncts) -> InnerIterate:
         """Solves the problem over the hull of disjuncts, from where the last one of this kind was
@@ -228,7 +229,7 @@ class SafeProblems:
         """Returns the point at which to build a step at ``forces`` (n, 6), in the order V1, V2, N,
         M1, M2, MT. Contacts without compression keep their place in ``otherwise``."""
         point = self.step.point(forces, otherwise or self.middle, PROOF.accepted)
-        return point.shrunk(self.moments.shrink)
+        return point.shrunk(states_of(self.moments).shrink)
 
     def fastest_twist(self, state: LimitState) -> float:
         """Returns the largest twist rate at a contact, scaled; at least the scaled load factor."""

@@ -21,6 +21,7 @@ from cvxlimit.extensions.interaction.halves import SymmetricHalf
 from cvxlimit.extensions.interaction.states.majorants import Forces, Linear, Point, StepRows
 from cvxlimit.extensions.interaction.states.rectangles import Rectangles
 from cvxlimit.extensions.interaction.states.settings import SUPPORT
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
@@ -54,7 +55,7 @@ class SafeStep:
         whole = Assemblage.of(scene)
         self.moments, self.scaling, self.half = moments, whole.scaling, half
         largest = moments.largest_arm(whole.contacts)
-        rectangles = Rectangles.of(whole.contacts, moments.inscribed, largest)
+        rectangles = Rectangles.of(whole.contacts, states_of(moments).inscribed, largest)
         self.rectangles = rectangles.scaled(1.0 / self.scaling.length)
         statics = replace(whole.statics, contacts=rectangles.contacts)
         self.assemblage = replace(whole, statics=statics, repeats=None)
@@ -173,7 +174,9 @@ class StatedStep:
         arm = np.where(arm > 0.0, arm, 1.0)  # of the torque that contacts resist, per compression
         found = []
         slopes, is_limited = moments.slopes, moments.is_limited
-        for row in StepRows(f, here, self.own, slopes, is_limited, moments.balance).rows():
+        for row in StepRows(
+            f, here, self.own, slopes, is_limited, states_of(moments).balance
+        ).rows():
             if not row.squares:
                 found.append(Condition([], self._slack - row.linear))
                 continue

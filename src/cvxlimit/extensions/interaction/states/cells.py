@@ -35,13 +35,12 @@ from cvxlimit.extensions.interaction.states.support import (
     Pieces,
     Shares,
     Support,
-    half_extent,
     shear_support,
     within_quadrants,
 )
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import clipped, effective_regions, mean_distance_on_segment
-from cvxlimit.readings.pressure import areas_and_arms, around, outlines_of
+from cvxlimit.readings.pressure import areas_and_arms, around, half_extent, outlines_of
 
 
 @dataclass(frozen=True, eq=False)

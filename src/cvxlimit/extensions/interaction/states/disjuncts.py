@@ -15,12 +15,11 @@ import numpy as np
 from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.extensions.interaction.states.support import (
     box_corners,
-    half_extent,
     rectangle_arm,
     within_quadrants,
 )
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.readings.pressure import own_arm, polygon_arms
+from cvxlimit.readings.pressure import half_extent, own_arm, polygon_arms
 
 
 @dataclass(frozen=True, eq=False)

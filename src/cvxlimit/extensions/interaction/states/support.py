@@ -302,12 +302,6 @@ def box_corners(ends: FloatArray) -> FloatArray:
     )
 
 
-def half_extent(contacts: Contacts) -> FloatArray:
-    """Half sides (n, 2), or a polygon's largest coordinates: pressure centres are fractions."""
-    size = np.maximum.reduceat(np.abs(contacts.corner_xy), contacts.corner_start[:-1], axis=0)
-    return np.where(contacts.is_rectangle[:, None], contacts.sides / 2.0, size)
-
-
 def whole_boxes(contacts: Contacts) -> FloatArray:
     """Boxes (n, 2, 2) of all pressure centres: from -1 to 1 along both axes."""
     return np.tile([-1.0, 1.0], (len(contacts), 2, 1))

@@ -18,7 +18,9 @@ from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, named_val
 from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.studies import DomainComparison, LoadDomain, compare_domains, load_domain
+from cvxlimit.extensions.studies.domains.comparing import DomainComparison, compare_domains
+from cvxlimit.extensions.studies.domains.domain import LoadDomain
+from cvxlimit.extensions.studies.domains.search import load_domain
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.scene.loads import Load
 from cvxlimit.solution import Status

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,7 +71,7 @@ class LoadDomain:
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.extensions.studies import load_domain
+    >>> from cvxlimit.studies import load_domain
     >>> domain = load_domain(builtin_scene("single-block"), progress=False)
     >>> str(domain.status), domain.contains((0.39, 0.39)), domain.contains((0.41, 0.0))
     ('certified', 'carried', 'not carried')
@@ -79,6 +79,8 @@ class LoadDomain:
     >>> bracket.lower <= 0.4 <= bracket.upper, bracket.width < 0.01
     (True, True)
     """
+
+    format: ClassVar[str] = "cvxlimit-domain"
 
     scene_name: str
     surface: str

@@ -204,7 +204,7 @@ def explore(
 def widget(explorer: Explorer) -> Any:
     anywidget, traits = (needed(m, "notebook", "widgets") for m in ("anywidget", "traitlets"))
     made = type("Exploring", (anywidget.AnyWidget,), {
-        "_esm": asset("ticks.js") + asset("explore.js"),
+        "_esm": asset("ticks.js") + asset("explore.js", __package__),
         "__module__": __name__,
         **{name: kind().tag(sync=True) for name, kind in (
             ("point", traits.List), ("values", traits.Dict), ("state", traits.Dict),

@@ -202,7 +202,7 @@ def domain_page(domains: Sequence[Any]) -> Page:
                 made["points"] = [[s.point.tolist(), s.is_mirrored] for s in domain.supports
                                   if s.point is not None]  # fmt: skip
             data["bodies"].append(made)
-    return framed("domain.html", data)
+    return framed("domain.html", data, __package__)
 
 
 def domain_html(domain: Any) -> str:

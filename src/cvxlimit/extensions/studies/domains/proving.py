@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.errors import InputError
+from cvxlimit.extensions.studies.domains.document import DOMAIN
 from cvxlimit.extensions.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.extensions.studies.domains.images import Raw
 from cvxlimit.extensions.studies.domains.search import METHODS, Search, Study, status_of
@@ -17,6 +18,7 @@ from cvxlimit.io.scenes import scene_digest
 from cvxlimit.methods.answer import Answer
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
 from cvxlimit.proving.derived import derived_checks, words_of_method
+from cvxlimit.proving.prove import Proof, Scenes, scene_of
 from cvxlimit.proving.solutions import solution_checks
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import combined
@@ -262,3 +264,11 @@ def _counted(checks: Sequence[Check]) -> Iterator[Check]:
             yield check
     for kind, number in kinds.items():
         yield Check(f"{number} {kind}{'s' * (number != 1)}", True)
+
+
+def prove_domain(what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
+    """A load domain, or what a file of one holds; see :func:`cvxlimit.prove`."""
+    domain = what if isinstance(what, LoadDomain) else DOMAIN.from_dict(what)
+    given = scene_of(domain.scene_name, domain.scene_digest, scene, {"dead"})
+    checks = DomainAgain(domain, given, own).checks()
+    return Proof(f"load domain of {domain.scene_name!r}", tuple(checks))

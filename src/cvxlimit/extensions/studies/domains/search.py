@@ -18,7 +18,6 @@ from cvxlimit.base.checks import count, of_type, ratio
 from cvxlimit.base.progressbar import progress_bar
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.studies.domains.document import read_domain, write_domain
 from cvxlimit.extensions.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.extensions.studies.domains.images import Raw, images
@@ -28,11 +27,10 @@ from cvxlimit.extensions.studies.identity import digest, row_identity, surface_f
 from cvxlimit.extensions.studies.sweeping import solved
 from cvxlimit.io.scenes import LOAD, scene_digest
 from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import MethodName, check_choice
-from cvxlimit.model.point_friction import ExactFlow
+from cvxlimit.methods.table import TABLE, MethodName, check_choice
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.moments import Moments
-from cvxlimit.readings.named import MomentsName, parse_moments
+from cvxlimit.readings.named import MomentsName
 from cvxlimit.reductions.choice import MODELS, ModelName
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.scene.loads import Load, combined
@@ -95,12 +93,9 @@ class Search:
         self.started, self.written = time.perf_counter() - domain.seconds, -np.inf
         self.asked = [s.direction / domain.units for s in domain.supports]
         self.raw = list(self._kept())
-        flow: Any = None
-        if study.method == "exact":
-            flow = ExactFlow(self.structure.run.contacts)
-        elif study.method == "certified":
-            moments = parse_moments(study.options.get("moments") or "independent")
-            flow = InteractionFlow(self.structure.run.contacts, moments)
+        method = TABLE[study.method or "convex"]
+        reading = {k: v for k, v in study.options.items() if k == "moments" and v is not None}
+        flow = method(**reading).flow(self.structure.run.contacts)
         if flow is not None:
             self.structure.certifier = Certifier(
                 self.structure.run.assemblage, (Rocking(),), flow=flow

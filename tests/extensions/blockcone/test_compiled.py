@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cvxlimit.solvers.extensions import CHOLESKY, INTERIOR
+from cvxlimit.extensions.blockcone.interior import INTERIOR
+from cvxlimit.solvers.compiled import CHOLESKY
 from cvxlimit.solvers.sources import HERE, digest
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 WHERE_BUILT = pytest.mark.skipif(INTERIOR is None or CHOLESKY is None, reason="not compiled here")
 
 
@@ -81,15 +82,14 @@ def test_one_argument_less_is_refused() -> None:
 
 def test_the_digest_is_of_the_sources(tmp_path: Path) -> None:
     """A letter changes it, the kind of line ends does not; without sources there is none."""
-    assert digest(tmp_path) == ""
-    for path in HERE.glob("**/*.[ch]"):
-        copy = tmp_path / path.relative_to(HERE)
-        copy.parent.mkdir(exist_ok=True)
-        copy.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-    assert digest(tmp_path) == digest()
+    source, own = HERE / "cholesky.c", tmp_path / "cholesky.c"
+    assert digest(own, tmp_path) == ""
+    for path in (source, *HERE.glob("*.h")):
+        (tmp_path / path.name).write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert digest(own, tmp_path) == digest(source)
     changed = tmp_path / "dense.h"
     changed.write_bytes(changed.read_bytes().replace(b"QUADS 3", b"QUADS 2"))
-    assert digest(tmp_path) != digest()
+    assert digest(own, tmp_path) != digest(source)
 
 
 BUILD = """
@@ -97,7 +97,7 @@ import runpy, sys
 from pathlib import Path
 build = runpy.run_path("hatch_build.py")
 for source in build["SOURCES"]:
-    path = Path("src", build["SOLVERS"], source).resolve()
+    path = Path("src", source).resolve()
     made = build["compiled"](path, Path(sys.argv[1]), sys.argv[2:])
     if made is None:
         sys.exit(f"{source} could not be compiled")
@@ -106,8 +106,9 @@ for source in build["SOURCES"]:
 
 PROGRAMS = """
 import numpy as np, scipy.sparse as sp
-import cvxlimit.solvers.extensions as built
-assert built.INTERIOR and built.CHOLESKY, "not compiled"
+from cvxlimit.extensions.blockcone.interior import INTERIOR
+from cvxlimit.solvers.compiled import CHOLESKY
+assert INTERIOR and CHOLESKY, "not compiled"
 from cvxlimit.errors import SolverError
 from cvxlimit.solvers import settings_for
 from cvxlimit.solvers.program import ConeProgram
@@ -198,7 +199,9 @@ def test_built_in_other_ways(way: str, tmp_path: Path) -> None:
         "tests/solvers/test_sparse.py",
         __file__,
     ]
-    tests = run("-m", "pytest", "-q", "-x", *chosen[:2], "tests/solvers/test_compiled.py")
+    tests = run(
+        "-m", "pytest", "-q", "-x", *chosen[:2], "tests/extensions/blockcone/test_compiled.py"
+    )
     assert tests.returncode == 0, tests.stdout[-3000:] + tests.stderr[-3000:]
 
 

@@ -25,7 +25,7 @@ from cvxlimit.cli.options import (
 from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.envelopes.envelopes import Envelope, Vehicle, envelope
+from cvxlimit.extensions.studies.envelopes import Envelope, Vehicle, envelope
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.plotting.look import IMAGES
 from cvxlimit.scene.resisting import passive
@@ -68,7 +68,11 @@ class Crossed:
         return Vehicle([(distance, force) for distance, force in axles], self.length, spread)
 
 
-@command_of(Crossed)
+@command_of(
+    Crossed,
+    "Exit code: 0 all positions solved; 2 bad input; 3 none has an answer; 4 some have none, "
+    "or are not certified.",
+)
 def envelope_command(asked: Crossed) -> ExitCode:
     """Find the load factor of a vehicle at each of many positions on a bridge, and the worst."""
     inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}

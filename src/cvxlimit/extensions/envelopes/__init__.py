@@ -1,1 +1,0 @@
-"""Vehicles that cross a bridge: the load factor at every position."""
