@@ -11,6 +11,8 @@
  * (E. Cuthill, J. McKee, 1969). A few variables may be in no cone at all, as a load factor is, or in many
  * equations: they border it. Rows of G and columns come block by block. */
 
+#include <stdio.h>
+
 #include "sparse.h"
 
 /* ---- the numbers of the method ---- */
