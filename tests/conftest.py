@@ -36,7 +36,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker("exhaustive")
 
 
-WHOLE = ("blockcone", "compare", "dilatancy", "dynamics", "importing", "interaction", "paths", "studies")  # fmt: skip
+WHOLE = (
+    "blockcone", "compare", "dilatancy", "dynamics", "importing", "interaction", "paths", "studies",
+)  # fmt: skip
 MISSING = {*WHOLE} - {module.name for module in iter_modules(extensions.__path__)}
 """Extensions that are left out; the core's tests pass without any of them."""
 

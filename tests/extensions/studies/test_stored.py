@@ -25,11 +25,11 @@ import pytest
 
 from cvxlimit import Block, Certified, Load, Method, Scene, builtin_scene, sweep
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.extensions.studies import rows as rows_module
 from cvxlimit.extensions.studies.identity import digest
 from cvxlimit.masonry import arch
 from cvxlimit.solution import Status
 from cvxlimit.studies import read_sweep
-from cvxlimit.studies import rows as rows_module
 from cvxlimit.surfaces import Condition, Norm, Rocking
 from cvxlimit.surfaces.cones import Conic
 from helpers import Share
