@@ -644,7 +644,7 @@ def test_long_error_is_one_line_whatever_the_terminal(tmp_path: Path) -> None:
 def test_stdout_that_cannot_hold_the_characters(tmp_path: Path) -> None:
     write_scene(tower().with_name("Würfel ☃"), tmp_path / "s.json")
     done = subprocess.run(
-        command("solve", str(tmp_path / "s.json"), "-v"),
+        command("explain", str(tmp_path / "s.json")),
         capture_output=True,
         check=False,
         env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
