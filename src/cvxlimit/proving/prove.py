@@ -128,24 +128,22 @@ def prove(
     own = {"surface": surface, "moments": moments, "formulation": formulation}
     if isinstance(what, Solution):
         return _result(what, scene, own)
-    doors = Door("cvxlimit.proofs")
-    if (kind := getattr(what, "format", None)) is not None:
-        return _proved(doors, kind, what, scene, own)
+    if not isinstance(what, str | os.PathLike):
+        return _proved(getattr(what, "format", None), what, scene, own)
     if os.path.isdir(what):
-        return _proved(doors, "cvxlimit-sweep", Path(what), scene, own)
+        return _proved("cvxlimit-sweep", Path(what), scene, own)
     with refusals(file_prefix(what)):
         document = read_document(what)
         kind = document.get("format") if isinstance(document, dict) else None
         if kind == "cvxlimit-result":
             return _result(result_from_dict(document), scene, own)
-        return _proved(doors, kind, document, scene, own)
+        return _proved(kind, document, scene, own)
 
 
-def _proved(
-    doors: Door, kind: Any, what: Any, scene: Scenes | None, own: Mapping[str, Any]
-) -> Proof:
+def _proved(kind: Any, what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
     """What an extension, or another distribution, proves of a format."""
-    if (found := doors.get(kind)) is None:
+    found = Door("cvxlimit.proofs").get(kind) if isinstance(kind, str) else None
+    if found is None:
         raise InputError(
             "a result, a load domain, a path or the folder of a sweep can be proved, got format "
             f"{shown(kind)}: solve --json, domain --json, pushover --json and sweep --output write "

@@ -160,7 +160,7 @@ class ProvedAgain:
             yield from self._exact()
         elif name == "none":
             yield from self._plain()
-        elif (checks := Door("cvxlimit.proofs").get(name)) is not None:
+        elif (checks := Door("cvxlimit.checks").get(name)) is not None:
             yield from checks(self)
         else:
             yield Check("load factor", False, f"method {name!r} gives no bounds that could be")
@@ -189,7 +189,7 @@ class ProvedAgain:
         elif self.solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
             yield without_limit(self._harmless(), self.run, self.solution)
             # nothing slides below it
-            if (above_thrusts := Door("cvxlimit.proofs").get("least-thrust")) is not None:
+            if (above_thrusts := Door("cvxlimit.readings").get("above_thrusts")) is not None:
                 yield from above_thrusts(self, self.run.auxiliary_run())
         else:
             yield from self._certified()

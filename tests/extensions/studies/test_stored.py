@@ -190,7 +190,7 @@ def test_every_setting_counts(options: dict[str, Any]) -> None:
 
 
 def test_a_version_counts(monkeypatch) -> None:
-    from cvxlimit.studies import identity
+    from cvxlimit.extensions.studies import identity
 
     before = identity.row_identity("", stone(), "conic", {})
     monkeypatch.setattr(identity, "__version__", "0.0.1")

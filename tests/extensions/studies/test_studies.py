@@ -246,7 +246,7 @@ class TestStore:
     GRID = {"friction": [0.2, 0.3, 0.4], "height": [1.0, 2.0]}  # noqa: RUF012
 
     def test_what_is_stored_is_not_solved_again(self, tmp_path: Path, monkeypatch) -> None:
-        from cvxlimit.studies import rows
+        from cvxlimit.extensions.studies import rows
 
         calls, answer = [], rows._answer
 

@@ -1,6 +1,6 @@
 """Torsion-shear-bending interaction (Eq. 26-32), proved from below and from above.
 
-Its doors are ``cvxlimit.methods`` (``certified``) and ``cvxlimit.proofs``. How Eq. 30 is read is in
+Its doors are ``cvxlimit.methods`` (``certified``) and ``cvxlimit.checks``. How Eq. 30 is read is in
 :mod:`cvxlimit.readings`. To read, each folder seeing those before it:
 
 - ``states``: what one contact carries under a reading;
@@ -11,6 +11,6 @@ Its doors are ``cvxlimit.methods`` (``certified``) and ``cvxlimit.proofs``. How 
 from cvxlimit.base.doors import Offered
 
 OFFERED: Offered = {
-    "cvxlimit.proofs": {"certified": "cvxlimit.extensions.interaction.proving:checks"},
+    "cvxlimit.checks": {"certified": "cvxlimit.extensions.interaction.proving:checks"},
     "cvxlimit.methods": {"certified": "cvxlimit.extensions.interaction.certified:Certified"},
 }

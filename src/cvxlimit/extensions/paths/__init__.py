@@ -2,10 +2,9 @@
 
 Its doors are ``cvxlimit.commands`` (``pushover``), ``cvxlimit.readings``, ``cvxlimit.documents``,
 ``cvxlimit.files`` and ``cvxlimit.proofs``. To read: ``path.py``, what comes out; ``pairs.py`` and
-``points.py``, contacts of displaced blocks; ``increment.py``, one convex step; ``following.py``,
-steps and snaps;
-``pushover.py``, the call; ``proof.py`` and ``proving.py``; ``code_check.py``; ``files.py``,
-``tables.py``, ``pictures.py`` and ``command.py``.
+``points.py``, contacts of displaced blocks; ``refusing.py``, what has none; ``increment.py``, one
+convex step; ``following.py``, steps and snaps; ``pushover.py``, the call; ``proof.py`` and
+``proving.py``; ``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
 """
 
 from cvxlimit.base.doors import Offered
