@@ -1,4 +1,4 @@
-"""Solvers: the table of them, the order in which they are tried, one run, and one of our own.
+"""Solvers: the table of them, the order in which they are tried, one run, a sparse factorisation.
 
 To add one: if CVXPY knows it, write a row into :data:`~cvxlimit.solvers.table.SOLVERS`; it can be
 put on a ladder even without. One that CVXPY does not know is a class of CVXPY's interface to
