@@ -182,13 +182,6 @@ NUMBERS = listed(
     "internal force {i}",
     lambda forces: np.array(forces, dtype=float),
 )
-INTERNAL = Form(
-    lambda value, *place: {"internal": NUMBERS.read(value, *place)},
-    lambda solution, *place: (
-        None if solution.internal is None else NUMBERS.write(solution.internal, *place)
-    ),
-    NUMBERS.schema,
-)
 
 SCENE_DIGEST = Form(
     lambda value, *place: {"scene_digest": TEXT.read(value, *place)},
@@ -221,8 +214,8 @@ REFERENCE = record(
     Reference,
     {
         "load_factor": Key(nullable(FIGURE), is_needed=True),
-        "forces": Key(nullable(STATE), is_needed=True),
-        "rates": Key(nullable(RATES), is_needed=True),
+        "forces": Key(nullable(STATE)),
+        "rates": Key(nullable(RATES)),
     },
 )
 
@@ -308,7 +301,7 @@ RESULT: Document[Solution] = Document(
             "iteration": Key(nullable(ITERATION), "{key}", is_needed=False),
             "lumped": Key(nullable(LUMPED), "{key}", is_needed=False),
             "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
-            "internal": Key(INTERNAL, "{key}", is_needed=False, is_several=True),
+            "internal": Key(nullable(NUMBERS), "{key}"),
             "model": Key(listed(TEXT, "a reduction"), "{key}"),
             "components": Key(COMPONENTS_SAID, "{key}", is_needed=False, is_several=True),
             "contact_names": Key(listed(TEXT, "name of contact {i}"), "{key}"),

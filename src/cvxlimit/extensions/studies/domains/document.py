@@ -24,8 +24,7 @@ from cvxlimit.io.forms import (
     nullable,
     record,
 )
-from cvxlimit.io.results import FIGURE, RESULT, TOLERANCE
-from cvxlimit.io.results import RATES as ROWS
+from cvxlimit.io.results import FIGURE, RATES, RESULT, TOLERANCE
 from cvxlimit.io.scenes import LOAD
 from cvxlimit.solution import Status
 
@@ -33,20 +32,14 @@ VECTOR = listed(FIGURE, made=lambda numbers: np.array(numbers, dtype=float))
 _FORMS: dict[str, Form] = {
     "point": nullable(VECTOR), "ray": nullable(VECTOR), "loaded": nullable(VECTOR),
     "offset": FIGURE, "solution": nullable(RESULT.inside), "direction": VECTOR, "normal": VECTOR,
+    "rates": nullable(RATES),
 }  # fmt: skip
-RATES = Form(
-    lambda value, *place: {"rates": ROWS.read(value, *place)},
-    lambda support, *place: None if support.rates is None else ROWS.write(support.rates, *place),
-    ROWS.schema,
-)
 SUPPORT = record(
     Support,
     {
-        name: Key(_FORMS.get(name, FLAG), is_needed=True)
+        name: Key(_FORMS.get(name, FLAG), is_needed=name != "rates")
         for name in map(str, Support.__dataclass_fields__)
-        if name != "rates"
-    }
-    | {"rates": Key(RATES, is_needed=False, is_several=True)},
+    },
 )
 
 
