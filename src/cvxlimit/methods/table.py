@@ -58,7 +58,8 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
         ),
         "reactions": (
             lambda run: run.contacts.is_point.any(),
-            "knows no ties and no reactions, which have no pressure centre: leave them out",
+            "knows no ties and no reactions, which have no pressure centre: leave them out, or "
+            "give their force as a point load",
         ),
         "cohesion": (
             lambda run: np.any(run.given.contacts.cohesion),
@@ -82,7 +83,7 @@ _ROWS = (
     Row(FixedPoint(), ("conic", "facets")),
     Row(Certified(), ("conic",), reduces=True),
     Row(ZeroDilatancy(), _EVERY, _JOINTS),
-    Row(Gilbert(), ("conic", "facets")),
+    Row(Gilbert(), ("conic", "facets"), ("reactions",)),
 )
 
 TABLE: Mapping[str, Row] = MappingProxyType({row.method.name: row for row in _ROWS})
