@@ -42,7 +42,7 @@ def assert_member(
     blocks = {block.id: block for block in scene.blocks}
     lost, worst, largest = 0.0, 0.0, 0.0
     cohesion, points = scene.contacts.cohesion, scene.contacts.is_point
-    bounds = dict(zip(np.flatnonzero(points), scene.reactions, strict=True))  # soil: from 0 up
+    bounds = dict(zip(np.flatnonzero(points).tolist(), scene.reactions, strict=True))  # soil
     for j, (c, x, bond) in enumerate(zip(scene.contacts, forces, cohesion, strict=True)):
         if j in bounds:
             speed = sum(
