@@ -12,18 +12,24 @@ from contextlib import suppress
 from contextvars import ContextVar
 from enum import IntEnum
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, JustifyMethod, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.fields import one_line
+from cvxlimit.masonry import BUILTIN
 from cvxlimit.reductions.choice import duration, expected_seconds
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
 from cvxlimit.solution.bracket import Bracket, rounded, rounded_down, rounded_up
 from cvxlimit.solution.said import basis_of, said
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 PICTURES = (".png", ".html", ".vtu", ".svg", ".pdf", ".gif", ".mp4")
 """What a solution can be drawn as."""
@@ -93,6 +99,27 @@ def check_outputs(
             raise ModelError(
                 f"{typed}: {what} need {library}: pip install 'cvxlimit[{extra}]'{without}"
             )
+
+
+def files_asked(
+    asked: Any, *names: str, reads: Mapping[str, str] | None = None, **kinds: Sequence[str]
+) -> list[tuple[str, str]]:
+    """Check the files that a command on one scene writes, by the names of its options, and return
+    the rows that say where they are."""
+    files = {f"--{name}": getattr(asked, name) for name in (*names, *kinds)}
+    check_outputs(files, {**scene_file(asked.scene), **(reads or {})}, **kinds)
+    return [("written", str(file)) for file in files.values() if file is not None]
+
+
+def scene_file(name: str) -> dict[str, str]:
+    """What is read for a scene of that name."""
+    return {} if name in BUILTIN else {name: "the scene"}
+
+
+def write_rows(path: Path | None, table: DataFrame) -> None:
+    """Write a table to the CSV file that is asked for, if one is."""
+    if path is not None:
+        write_file(path, table.to_csv(index=False).encode("utf-8"))
 
 
 def _typed(option: str, path: Path) -> str:

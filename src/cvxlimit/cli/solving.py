@@ -40,8 +40,10 @@ from cvxlimit.cli.report import (
     counted,
     details,
     facts,
+    files_asked,
     history,
     refuse,
+    scene_file,
     show,
     summary,
     verdict,
@@ -108,7 +110,6 @@ class Files:
     without_dilatancy: bool = False
 
     def check(self, scene: str) -> None:
-        inputs = {} if scene in BUILTIN else {scene: "the scene"}
         outputs = {"--json": None if self.is_piped else self.json, "--export": self.export}
         outputs["--report"] = self.report
         kinds: dict[str, Sequence[str]] = {"export": EXPORTS, "report": (".html",)}
@@ -117,7 +118,7 @@ class Files:
             name += "" if f"--{name}" not in outputs else f" ({number + 1})"
             outputs[f"--{name}"] = path
             kinds[name] = _SUFFIXES.get(kind, IMAGES)
-        check_outputs(outputs, inputs, **kinds)
+        check_outputs(outputs, scene_file(scene), **kinds)
 
     @property
     def is_piped(self) -> bool:
@@ -418,8 +419,7 @@ def show_command(asked: Drawing) -> ExitCode:
     A scene whose geometry is refused is drawn with the blocks to blame in red.
     """
     name = asked.scene
-    inputs = {} if name in BUILTIN else {name: "the scene"}
-    check_outputs({"--plot": asked.plot}, inputs, plot=SCENE_PICTURES)
+    files_asked(asked, plot=SCENE_PICTURES)
 
     def checked(tell: Tell) -> tuple[Scene, InputError | None]:
         scene = scene_named(name)

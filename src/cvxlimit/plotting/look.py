@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import meant
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import JointKind, Marking, joint_kinds
@@ -203,6 +204,20 @@ def saved(picture: Any, path: str | os.PathLike[str], options: Mapping[str, Any]
         raise InputError("a picture in axes is part of their figure: save that with savefig")
     result: Path = picture.save(path)
     return result
+
+
+def of_kind(
+    what: str, kinds: Mapping[str, Callable[..., Any]], kind: str, thing: Any,
+    file: str | os.PathLike[str] | None, options: dict[str, Any],
+) -> Any:  # fmt: skip
+    """Draws the picture of that ``kind``; returns it, or the file it is saved to."""
+    if kind not in kinds:
+        raise InputError(
+            f"{what} has no picture {kind!r}: choose one of {', '.join(kinds)}"
+            + meant(kind, kinds, before="; ")
+        )
+    picture = kinds[kind](thing, **options)
+    return picture if file is None else saved(picture, file, options)
 
 
 def with_suffix(path: str | os.PathLike[str], suffixes: tuple[str, ...]) -> Path:

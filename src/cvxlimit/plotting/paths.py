@@ -14,11 +14,9 @@ from dataclasses import replace
 from typing import Any
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import meant
-from cvxlimit.errors import InputError
 from cvxlimit.paths.path import PROVES, Path
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
-from cvxlimit.plotting.look import DIGITS, SPEED_STOPS, WAY_TEXT, printable, saved
+from cvxlimit.plotting.look import DIGITS, SPEED_STOPS, WAY_TEXT, of_kind, printable, saved
 from cvxlimit.plotting.movement import Motion, moved_by
 from cvxlimit.plotting.picture import seen
 from cvxlimit.plotting.pictures.animation import DPI, Animation
@@ -40,13 +38,7 @@ def draw_path(
 ) -> Any:
     """Draws the picture of a path of that ``kind``; returns it, or the file it is saved to."""
     kinds: dict[str, Callable[..., Any]] = {"curve": curve, "film": film, "page": page}
-    if kind not in kinds:
-        raise InputError(
-            f"a path has no picture {kind!r}: choose one of {', '.join(kinds)}"
-            + meant(kind, kinds, before="; ")
-        )
-    picture = kinds[kind](path, **options)
-    return picture if file is None else saved(picture, file, options)
+    return of_kind("a path", kinds, kind, path, file, options)
 
 
 def curve(path: Path, **options: Any) -> Any:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from cvxlimit.base.checks import meant
-from cvxlimit.errors import InputError
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
-from cvxlimit.plotting.look import SPEED_STOPS, WAY_TEXT, printable, saved
+from cvxlimit.plotting.look import SPEED_STOPS, WAY_TEXT, of_kind, printable
 from cvxlimit.plotting.paths import frames_of, motions_of
 from cvxlimit.plotting.picture import seen
 from cvxlimit.plotting.pictures.animation import Animation
@@ -31,14 +28,8 @@ def draw_shaking(
     shaking: Any, kind: str, file: str | os.PathLike[str] | None, options: dict[str, Any]
 ) -> Any:
     """Draws the picture of that ``kind``; returns it, or the file it is saved to."""
-    kinds: dict[str, Callable[..., Any]] = {"curve": curve, "film": film, "frame": frame}
-    if kind not in kinds:
-        raise InputError(
-            f"motion in time has no picture {kind!r}: choose one of {', '.join(kinds)}"
-            + meant(kind, kinds, before="; ")
-        )
-    picture = kinds[kind](shaking, **options)
-    return picture if file is None else saved(picture, file, options)
+    kinds = {"curve": curve, "film": film, "frame": frame}
+    return of_kind("motion in time", kinds, kind, shaking, file, options)
 
 
 def curve(shaking: Any, **options: Any) -> Any:
