@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from benchmarks.experiment import Head, Lines, Part, Title, experiment
+from benchmarks.gilbert import Gilbert
 from benchmarks.lifted import Lifted, lifted_bound
 from benchmarks.random_walls import planar, retaining
 from cvxlimit import Block, Load, Scene, Solution, builtin_scene, solve
 from cvxlimit.masonry import running_bond, wall
-from cvxlimit.methods.dilatancy.gilbert import Gilbert
 from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Run

@@ -30,7 +30,6 @@ from cvxlimit.geometry.contacts import Contacts as Contacts
 from cvxlimit.masonry import builtin_scene as builtin_scene
 from cvxlimit.methods.certified import Certified as Certified
 from cvxlimit.methods.convex import Convex as Convex
-from cvxlimit.methods.dilatancy.gilbert import Gilbert as Gilbert
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
 from cvxlimit.methods.driver import Method as Method
 from cvxlimit.methods.driver import Run as Run

@@ -242,7 +242,7 @@ def test_the_result_is_of_what_was_asked_for(
         ("--moments signed", "moments does nothing for method 'convex', got 'signed'"),
         ("--moments independent", "moments does nothing for method 'convex'"),
         ("--method exact --moments paper", "moments does nothing for method 'exact'"),
-        ("--method gilbert --model least", "model 'least' does nothing for method 'gilbert'"),
+        ("--method exact --model least", "model 'least' does nothing for method 'exact'"),
         ("--branching-seconds 3", "--branching-seconds and --workers go with --method certified"),
         ("--workers 2", "--branching-seconds and --workers go with --method certified"),
         ("--method certified --workers 2 --branching-seconds 0", "--workers 2 does nothing"),

@@ -94,7 +94,7 @@ class TestByHand:
         with pytest.raises(InputError, match="needs a ground that stays"):
             settlement(scene, "p", (0, 0, -1))
 
-    @pytest.mark.parametrize("method", ["certified", "fixed-point", "gilbert"])
+    @pytest.mark.parametrize("method", ["certified", "fixed-point"])
     def test_methods_that_need_a_pressure_centre_say_so(self, method: str) -> None:
         scene = propped(Reaction("b", (1, 0.5, 0.8), (-1, 0, 0), 3.0))
         with pytest.raises(ModelError, match="no reactions, which have no pressure centre"):

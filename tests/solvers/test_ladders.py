@@ -77,9 +77,7 @@ class TestLadder:
         assert first.upper is None or first.upper >= TRUE * (1.0 - 2e-6)
 
     @pytest.mark.parametrize("ladder", ["HIGHS", ["HIGHS"], [UNFIT, "SCIPY"]], ids=str)
-    @pytest.mark.parametrize(
-        "method", ["convex", "fixed-point", "certified", "zero-dilatancy", "gilbert"]
-    )
+    @pytest.mark.parametrize("method", ["convex", "fixed-point", "certified", "zero-dilatancy"])
     def test_a_ladder_without_a_solver_for_the_problem_is_refused(
         self, method: str, ladder: object
     ) -> None:

@@ -13,7 +13,6 @@ from cvxlimit.base.checks import meant, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.dilatancy.gilbert import Gilbert
 from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Method, Run
 from cvxlimit.methods.exact_friction import ExactFriction
@@ -22,7 +21,7 @@ from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import NAMED, PARABOLIC
 
-MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy", "gilbert"]
+MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy"]
 """Names for type checkers: those of :data:`TABLE`."""
 
 Surface: TypeAlias = "str | Cone | Sequence[YieldSurface]"
@@ -82,7 +81,6 @@ _ROWS = (
     Row(FixedPoint(), ("conic", "facets")),
     Row(Certified(), ("conic",), reduces=True),
     Row(ZeroDilatancy(), _EVERY, _JOINTS),
-    Row(Gilbert(), ("conic", "facets")),
 )
 
 TABLE: Mapping[str, Row] = MappingProxyType({row.method.name: row for row in _ROWS})

@@ -214,7 +214,6 @@ PACES: Mapping[str, tuple[float, float]] = MappingProxyType(
         "fixed-point": (2.5e-4, 1.85),
         "certified": (5e-2, 1.0),
         "zero-dilatancy": (3e-3, 1.3),
-        "gilbert": (4e-6, 2.0),
     }
 )
 """CPU seconds by method: the first times contacts to the power of the second, within a factor of

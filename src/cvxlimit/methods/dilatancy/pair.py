@@ -112,13 +112,12 @@ class Reduced:
         """Returns the problem with friction as it is."""
         return LimitProgram(self.assemblage, self.surfaces, reduction=self.reduction, goal=goal)
 
-    def held(self, pressed: cp.Parameter, tilt: float = 0.0) -> LimitProgram:
-        """Returns the problem with friction held at compressions (k,) of the kept contacts;
-        ``tilt`` as in :func:`~.tresca.held`."""
+    def held(self, pressed: cp.Parameter) -> LimitProgram:
+        """Returns the problem with friction held at compressions (k,) of the kept contacts."""
         reduction, own = self.reduction, self.reduction.formulation
         if own is not corner_compressions:
-            reduction = replace(reduction, formulation=HeldFormulation(own, pressed, tilt))
-        surfaces = tresca(self.surfaces, pressed, tilt)
+            reduction = replace(reduction, formulation=HeldFormulation(own, pressed))
+        surfaces = tresca(self.surfaces, pressed)
         return LimitProgram(self.assemblage, surfaces, reduction=reduction)
 
 

@@ -10,9 +10,6 @@ letter  what it is                                            shape   in the cod
 ======  ====================================================  ======  =============================
 N'      compressions at which friction is held                (n,)    ``pressed`` in this folder
 k       slope of a condition, for each of its m rows          (m,)    ``slope``, ``resistance["N"]``
-tilt    share of the slope with which resistance falls as N   number  ``tilt``
-        grows: Gilbert's eta for cones that are rotated
-        beyond the vertical, 0 for Tresca's law
 ======  ====================================================  ======  =============================
 """
 
@@ -52,11 +49,11 @@ def is_friction(condition: Condition) -> bool:
     return any(is_some(form.get(name, 0.0)) for form in condition.forms() for name in _SHEARS)
 
 
-def held(condition: Condition, pressed: Compressions, tilt: float = 0.0) -> Condition:
+def held(condition: Condition, pressed: Compressions) -> Condition:
     """Returns a condition with its friction held at compressions ``pressed`` (n,); the condition
     itself where it is not one of friction, or does not depend on N.
 
-    The resistance is k N' - tilt k N plus the same further terms.
+    The resistance is k N' plus the same further terms.
     """
     slope = condition.resistance.get("N", 0.0)
     if not (is_friction(condition) and is_some(slope)):
@@ -65,8 +62,6 @@ def held(condition: Condition, pressed: Compressions, tilt: float = 0.0) -> Cond
     at = pressed if condition.contact is None else pressed[condition.contact]
     friction = product(slope, at)
     rest[CONSTANT] = rest[CONSTANT] + friction if CONSTANT in rest else friction
-    if tilt:
-        rest["N"] = product(-tilt, slope)
     return replace(condition, resistance=rest)
 
 
@@ -74,24 +69,22 @@ class Tresca(YieldSurface):
     """A surface that is another one with its friction held at compressions ``pressed`` (n,), as
     :func:`held` does with each condition."""
 
-    def __init__(self, surface: YieldSurface, pressed: Compressions, tilt: float = 0.0) -> None:
+    def __init__(self, surface: YieldSurface, pressed: Compressions) -> None:
         super().__init__(surface.cone)
-        self.surface, self.pressed, self.tilt = surface, pressed, tilt
+        self.surface, self.pressed = surface, pressed
         self.name = surface.name  # type: ignore[misc]  # stands for it wherever names are asked
         self.implies = surface.implies  # type: ignore[misc]
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         stated = self.surface.conditions(contacts)
-        return [held(condition, self.pressed, self.tilt) for condition in stated]
+        return [held(condition, self.pressed) for condition in stated]
 
 
-def tresca(
-    surfaces: Sequence[YieldSurface], pressed: Compressions, tilt: float = 0.0
-) -> tuple[YieldSurface, ...]:
+def tresca(surfaces: Sequence[YieldSurface], pressed: Compressions) -> tuple[YieldSurface, ...]:
     """Returns surfaces with their friction held. Rocking, and the bounds of reactions, have none:
     they stay the very same surfaces."""
     without = (Rocking.name, Bounds.name)
-    return tuple(s if s.name in without else Tresca(s, pressed, tilt) for s in surfaces)
+    return tuple(s if s.name in without else Tresca(s, pressed) for s in surfaces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +94,6 @@ class HeldFormulation:
 
     formulation: Formulation
     pressed: Compressions
-    tilt: float = 0.0
 
     @property
     def sees_to_strength(self) -> bool:
@@ -110,7 +102,7 @@ class HeldFormulation:
 
     def __call__(self, contacts: Contacts) -> ForceModel:
         model = self.formulation(contacts)
-        conditions = [held(condition, self.pressed, self.tilt) for condition in model.conditions]
+        conditions = [held(condition, self.pressed) for condition in model.conditions]
         return replace(model, conditions=conditions)
 
 

@@ -2,13 +2,14 @@
 
 Gilbert, Casapulla and Ahmed (2006) solve associated problems whose friction hardly grows with the
 normal force, so that sliding closes joints by a little instead of opening them, and move these
-cones towards the normal forces found. Here for comparison with
-:mod:`~cvxlimit.methods.dilatancy.zero_dilatancy`.
+cones towards the normal forces found. It is what zero dilatancy is compared with, and no method
+of the package: its stop says nothing about Coulomb's law, and its load factor is no bound.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cvxpy as cp
 import numpy as np
@@ -16,16 +17,72 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import standing
 from cvxlimit.methods.dilatancy.pair import Reduced, ladder
+from cvxlimit.methods.dilatancy.tresca import (
+    Compressions,
+    HeldFormulation,
+    Tresca,
+    held,
+    tresca,
+)
 from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.methods.table import check
+from cvxlimit.model.formulations import ForceModel, corner_compressions
+from cvxlimit.model.problem import LimitProgram
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded
+from cvxlimit.surfaces.base import Condition, YieldSurface, product
 
 _TOLERANCE = 1e-8
 """Tolerance of every problem, below any change at which the scheme stops."""
+
+
+def rotated(condition: Condition, pressed: Compressions, eta: float) -> Condition:
+    """Returns a condition with the resistance (1 + eta) k N' - eta k N in place of k N, for
+    ``pressed`` (1 + eta) N'; the condition itself where it is not one of friction."""
+    other = held(condition, pressed)
+    if other is condition:
+        return condition
+    falls = product(-eta, condition.resistance["N"])
+    return replace(other, resistance={**other.resistance, "N": falls})
+
+
+class Rotated(Tresca):
+    """A surface whose friction cones are rotated about compressions ``pressed`` (n,)."""
+
+    def __init__(self, surface: YieldSurface, pressed: Compressions, eta: float) -> None:
+        super().__init__(surface, pressed)
+        self.eta = eta
+
+    def conditions(self, contacts: Contacts) -> Sequence[Condition]:
+        return [rotated(c, self.pressed, self.eta) for c in self.surface.conditions(contacts)]
+
+
+@dataclass(frozen=True, eq=False)
+class RotatedFormulation(HeldFormulation):
+    """A formulation with friction conditions of its own, rotated."""
+
+    eta: float = 0.0
+
+    def __call__(self, contacts: Contacts) -> ForceModel:
+        model = self.formulation(contacts)
+        conditions = [rotated(condition, self.pressed, self.eta) for condition in model.conditions]
+        return replace(model, conditions=conditions)
+
+
+def _rotated_problem(reduced: Reduced, pressed: cp.Parameter, eta: float) -> LimitProgram:
+    """The problem on the smallest model; ``pressed`` (k,) are of the contacts that it keeps."""
+    reduction, own = reduced.reduction, reduced.reduction.formulation
+    if own is not corner_compressions:
+        reduction = replace(reduction, formulation=RotatedFormulation(own, pressed, eta))
+    surfaces = [
+        Rotated(surface.surface, pressed, eta) if isinstance(surface, Tresca) else surface
+        for surface in tresca(reduced.surfaces, pressed)
+    ]
+    return LimitProgram(reduced.assemblage, surfaces, reduction=reduction)
 
 
 @dataclass(frozen=True)
@@ -54,7 +111,7 @@ class Gilbert(Method):
     Example
     -------
     >>> from cvxlimit import builtin_scene, solve
-    >>> solution = solve(builtin_scene("ferris-tin-loi-1"), method="gilbert")
+    >>> solution = solve(builtin_scene("ferris-tin-loi-1"), method=Gilbert())
     >>> round(solution.load_factor, 2)  # published: 0.639918
     0.64
     """
@@ -80,6 +137,7 @@ class Gilbert(Method):
         count(self.max_iterations, 1, "max_iterations")
 
     def steps(self, run: Run) -> Steps:
+        check("Gilbert's scheme", run, ())
         contacts, unit = run.contacts, run.scaling.force / len(run.scene.free)
         search = standing(run, run.model)
         if search is None:
@@ -87,8 +145,8 @@ class Gilbert(Method):
         # The associated problem, and the scheme's with friction held and cones rotated by eta.
         with run.clock.phase("compile"):
             reduced = Reduced(run, search)
-            held = cp.Parameter(len(reduced.kept))
-            problem, scheme = reduced.problem(), reduced.held(held, self.eta)
+            around = cp.Parameter(len(reduced.kept))
+            problem, scheme = reduced.problem(), _rotated_problem(reduced, around, self.eta)
             mu = np.where(contacts.friction > 0.0, contacts.friction, np.inf)
             fictitious = self.cohesion * unit / mu  # A compression: friction makes a force of it.
         pressed: FloatArray | None = None
@@ -109,7 +167,7 @@ class Gilbert(Method):
             # The next cones are rotated about a mean of the last normal forces and those before.
             normal = state.forces[:, COLUMN["N"]]
             pressed = normal if pressed is None else pressed + self.weight * (normal - pressed)
-            held.value = ((1.0 + self.eta) * pressed + fictitious)[reduced.kept]
+            around.value = ((1.0 + self.eta) * pressed + fictitious)[reduced.kept]
             problem = scheme
             yield
         return Status.NOT_CONVERGED
