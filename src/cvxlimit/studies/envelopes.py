@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.plotting.look import saved
 from cvxlimit.plotting.registry import figures
-from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, Units
 from cvxlimit.scene.loads import Load, PointForce
 from cvxlimit.scene.roads import BOUSSINESQ, Road
@@ -269,7 +268,7 @@ def envelope(
             if points:
                 loaded = scene.with_live(Load(points=points))
                 if shared is None:
-                    shared = replace(Assemblage.of(loaded), repeats=Repeats())
+                    shared = Assemblage.of(loaded)
                 solution = solve(shared.like(loaded), **options)
             found.append(Crossing(at, is_forward, lost, solution))
             if progress is not None:
