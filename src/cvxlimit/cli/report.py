@@ -7,14 +7,14 @@ import os
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, JustifyMethod, RenderableType
+from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -24,8 +24,8 @@ from cvxlimit.io.fields import one_line
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.reductions.choice import duration, expected_seconds
 from cvxlimit.scene import Scene
-from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
-from cvxlimit.solution.bracket import Bracket, rounded, rounded_down, rounded_up
+from cvxlimit.solution import LOAD_FACTOR, Solution, Status
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.said import basis_of, said
 
 if TYPE_CHECKING:
@@ -258,28 +258,6 @@ def verdict(solution: Solution) -> str:
     return f"{solution.status}: {advice(solution)}"
 
 
-def history(iterates: Sequence[Iterate]) -> Table:
-    columns: dict[str, list[str]] = {
-        "solve": [str(i) for i in range(1, len(iterates) + 1)],
-        "load factor": [_text(x.load_factor) for x in iterates],
-        "lower": [_text(x.lower, rounded_down) for x in iterates],
-        "upper": [_text(x.upper, rounded_up) for x in iterates],
-        "change": ["" if x.change is None else f"{x.change:.1e}" for x in iterates],
-        "seconds": [f"{x.seconds:.3f}" for x in iterates],
-        "solver": [one_line(x.solver) for x in iterates],
-        "status": [one_line(x.status) for x in iterates],
-    }
-    kept = {name: cells for name, cells in columns.items() if any(cells)}
-    table = _columns(header=True)
-    for name in kept:
-        words = name in ("solver", "status")
-        justify: JustifyMethod = "left" if words else "right"
-        table.add_column(name, justify=justify, no_wrap=not words, overflow="fold")
-    for row in zip(*kept.values(), strict=True):
-        table.add_row(*row)
-    return table
-
-
 def listing(scenes: Mapping[str, tuple[Scene, str]]) -> Table:
     table = _columns(header=True)
     table.add_column("name", no_wrap=True)
@@ -303,8 +281,3 @@ def _style(solution: Solution) -> str:
 
 def counted(number: int, thing: str) -> str:
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
-
-
-def _text(value: float | None, rounding: Callable[[float], str] = rounded) -> str:
-    """Bounds are rounded outward, so that a bracket on the screen holds as well."""
-    return "" if value is None else rounding(value)

@@ -41,7 +41,6 @@ from cvxlimit.cli.report import (
     details,
     facts,
     files_asked,
-    history,
     refuse,
     scene_file,
     show,
@@ -179,7 +178,6 @@ def deliver(
             show(summary(solution, written))
             if VOICE.get() > 0:
                 show(Text(), details(solution, origin, tolerance))
-                show(Text(), history(solution.history))
     warn_of_geometry(scene)
     status = solution.status
     if solution.is_answered:

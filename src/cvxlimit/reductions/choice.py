@@ -29,7 +29,7 @@ from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.mirror import Mirror, find_mirror
 from cvxlimit.reductions.planar import InPlane, Plane, find_plane
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solvers import SOLVERS, Shape
+from cvxlimit.solvers import Shape
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName, needed_surfaces, surfaces_of
 
@@ -356,7 +356,7 @@ def explain(
     *_, last = problems.values()
     sizes = {name: problem.shape for name, problem in problems.items()}
     first = last.ladder(tolerance)[0]
-    pace, growth = SOLVERS[first.name].pace
+    pace, growth = first.row.pace
     size = len(scene.contacts), found.plane is not None
     return Explanation(
         scene.name,
