@@ -14,6 +14,7 @@ from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.contacts import COLUMN, Contacts, pressure_centres
 from cvxlimit.plotting.camera import upright
 from cvxlimit.plotting.movement import Motion, displaced, free_size
+from cvxlimit.plotting.style import Style
 from cvxlimit.readings.utilisation import contact_forces
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load
@@ -195,8 +196,6 @@ def _pressure_text(pressure: Pressure, scene: Scene) -> str:
     return f"{text} that grows by {slope:.4g} {units}\u00b3" if slope else text
 
 
-CRUSHED_COLOUR, TIE_COLOUR, YIELDING_COLOUR = "#7a1010", "#5d6b82", "#0a7d4f"
-
 _AT_STRENGTH = 1e-3
 """Share of its strength that a contact or a tie may lack and still counts as yielding."""
 
@@ -265,11 +264,11 @@ def shapes_of(scene: Scene, solution: Solution, moving: Motion) -> list[Shape]:
     for j, corners in crushed_zones(scene, forces).items():
         text = f"crushed zone of {contacts.names[j]}"
         blocks = [int(contacts.a[j])] * len(corners)
-        result.append(shape(corners, blocks, CRUSHED_COLOUR, text, "crushed zone"))
+        result.append(shape(corners, blocks, Style.crushed, text, "crushed zone"))
     place = {block.id: i for i, block in enumerate(scene.blocks)}
     for tie, yields in zip(scene.ties, yielding(scene, forces), strict=True):
         points = np.array([tie.start, tie.end])
-        colour = YIELDING_COLOUR if yields else TIE_COLOUR
+        colour = Style.yielding if yields else Style.tie
         text = f"tie {tie.a}-{tie.b} {'yields at' if yields else 'below'} {tie.yield_force:g}"
         label = "tie yields" if yields else "tie"
         result.append(shape(points, [place[tie.a], place[tie.b]], colour, text, label))

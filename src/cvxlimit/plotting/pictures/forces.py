@@ -13,11 +13,10 @@ from cvxlimit.plotting.camera import thin_axis, upright
 from cvxlimit.plotting.contents import Drawing, Lines, Viewer, at_rest
 from cvxlimit.plotting.movement import free_size
 from cvxlimit.plotting.registry import picture
+from cvxlimit.plotting.style import Style
 from cvxlimit.readings.utilisation import forces_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-FORCE_COLOUR, THRUST_COLOUR = "#1b5e9c", "#123f6b"
 
 FAINTEST = 0.02
 """Forces below this share of the largest are not drawn: in a wall in space most joints carry a
@@ -71,7 +70,7 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
         solution, viewer, f"loads and forces in the joints at collapse; forces above "
         f"{100 * FAINTEST:g} % of the largest, {largest:.3g} {scene.units.force}",
         ends, size[shown] / largest,
-        Lines(ends, 0.6 + 1.4 * size[shown] / largest, FORCE_COLOUR, label, heads=True, each=each),
+        Lines(ends, 0.6 + 1.4 * size[shown] / largest, Style.force, label, heads=True, each=each),
     )  # fmt: skip
     factor = 1.0 if solution.load_factor is None else solution.load_factor
     return replace(drawing, notes=loads_to_scale(scene, factor))
@@ -95,7 +94,7 @@ def thrust(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     drawing = _with_forces(
         solution, viewer, f"thrust lines at collapse above {100 * _faintest(scene):g} % of the "
         f"largest, {largest:.3g} {scene.units.force}", ends, share,
-        Lines(ends, 0.4 + 3.6 * share, THRUST_COLOUR, "thrust"),
+        Lines(ends, 0.4 + 3.6 * share, Style.thrust, "thrust"),
     )  # fmt: skip
     loaded = found[:, 2] > FAINTEST * float(found[:, 2].max(initial=0.0))
     return drawing if drawing.glass else replace(drawing, dots=place[loaded])

@@ -9,14 +9,12 @@ from cvxlimit.plotting.annotations import Marking
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.movement import free_size, motion, still
 from cvxlimit.plotting.registry import picture
+from cvxlimit.plotting.style import Style
 from cvxlimit.readings.sensitivity import NOTHING
 from cvxlimit.solution import Solution
 
 _LONGEST = 0.12
 """Of the structure's size: the arrow of the stone that counts most."""
-
-_COLOUR = "#b3123c"
-_FRICTION = "#8b2fc9"
 
 
 @picture
@@ -59,8 +57,10 @@ def sensitivity(solution: Solution, *, viewer: Viewer = None) -> Drawing:
         camera_for(scene, motion(scene, solution), viewer),
         look.title(solution),
         said,
-        colours=look.mixed(look.SPEED_STOPS, size / most),
-        marking=Marking(scene.contacts, counts.astype(int), {1: _FRICTION}, {1: text}, widths),
-        lines=Lines(ends, np.full(len(ends), 1.4), _COLOUR, "raises the load factor", heads=True),
-        bar=Bar(look.SPEED_STOPS, "change by a move / largest"),
+        colours=look.mixed(Style.speed, size / most),
+        marking=Marking(scene.contacts, counts.astype(int), {1: Style.violet}, {1: text}, widths),
+        lines=Lines(
+            ends, np.full(len(ends), 1.4), Style.centre, "raises the load factor", heads=True
+        ),
+        bar=Bar(Style.speed, "change by a move / largest"),
     )
