@@ -25,7 +25,8 @@ LEVEL_WITHIN = 10.0
 """Degrees off level or upright up to which a joint counts as bed or head joint."""
 
 LONGEST, SHORTEST = 0.15, 0.05
-"""Length of the arrows of the largest and of tiny forces, relative to the free blocks' size."""
+"""Length of the arrows of the largest and of tiny forces, and of the largest resultant and the
+largest gain by a move, relative to the free blocks' size."""
 
 
 class JointKind(IntEnum):

@@ -46,8 +46,6 @@ class Paper:
         Size of a scene below which lines are drawn finer.
     wide : float
         Width from which a colour bar stands beside the scene and not below it.
-    tick : float
-        Length of tick marks.
     least : float
         Smallest letters, in points, unless ``font.size`` is smaller.
     key_room : float
@@ -64,7 +62,6 @@ class Paper:
     scale_room: float = 0.2
     fine: float = 5.5
     wide: float = 5.0
-    tick: float = 3.5 / 72.0
     least: float = 7.0
     key_room: float = 3.2
     dpi: int = 150

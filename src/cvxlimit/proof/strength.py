@@ -21,7 +21,7 @@ from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.crushing import EffectiveRectangles, recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
-from cvxlimit.model.statics import Statics
+from cvxlimit.model.statics import SMALLEST, Statics
 from cvxlimit.surfaces.base import (
     Condition,
     Recession,
@@ -38,10 +38,6 @@ from cvxlimit.surfaces.coulomb import Rocking, strength_key, with_bounds
 NOTHING = 1e-300
 """Reserve of a condition that has no resistance, in a state without the forces that it limits: next
 to nothing, but inside."""
-
-
-_HUGE = 1e100
-"""Forces and rates beyond this are refused like infinite ones: their products overflow."""
 
 
 class Flow(Protocol):
@@ -256,4 +252,5 @@ def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | Non
             f"the scene has {shape[0]} {what}(s), so an array {shape} is needed, "
             f"got shape {array.shape}: does it belong to another scene?"
         )
-    return array if np.abs(array).max(initial=0.0) <= _HUGE else None
+    # products of larger ones overflow, as squares of the smallest loads underflow
+    return array if np.abs(array).max(initial=0.0) <= 1.0 / SMALLEST else None

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.base.checks import meant, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COMPONENTS
@@ -39,10 +39,6 @@ MODELS: tuple[str, ...] = get_args(ModelName)
 
 _LEAST_MIRRORED = 150
 """Contacts from which one half of a symmetric scene pays, for what finding it costs."""
-
-_FLAT = 1e-12
-"""Squares of components across a plane, over those within, up to which a scene may be planar: far
-above rounding, which :func:`find_plane` judges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +79,7 @@ class Reductions:
         for vectors in (statics.contacts.axes[:, 2], dead, live):
             spread += vectors.T @ vectors / (vectors**2).max(initial=1e-300)
         least, _, most = np.linalg.eigvalsh(spread)
-        plane = find_plane(statics, surfaces) if least <= _FLAT * most else None
+        plane = find_plane(statics, surfaces) if least <= ROUNDING * most else None
         # a mirror costs time to find
         mirror = None
         if model == "least" or len(statics.contacts) >= _LEAST_MIRRORED:

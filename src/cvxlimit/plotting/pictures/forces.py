@@ -8,7 +8,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import pressure_centres
-from cvxlimit.plotting.annotations import annotated, loads_to_scale
+from cvxlimit.plotting.annotations import LONGEST, annotated, loads_to_scale
 from cvxlimit.plotting.camera import thin_axis, upright
 from cvxlimit.plotting.contents import Drawing, Lines, Viewer, at_rest
 from cvxlimit.plotting.movement import free_size
@@ -29,11 +29,9 @@ threads around the few lines by which the structure stands."""
 
 @dataclass(frozen=True)
 class _Numbers:
-    """``longest`` is the largest resultant's length over the free blocks' size; ``far`` the opacity
-    of the force farthest from the viewer over the nearest's. A structure is planar whose joints all
-    lie within ``upright`` (sine) of being across one plane."""
+    """``far`` is the opacity of the force farthest from the viewer over the nearest's. A structure
+    is planar whose joints all lie within ``upright`` (sine) of being across one plane."""
 
-    longest: float = 0.16
     far: float = 0.35
     upright: float = 0.1
 
@@ -63,7 +61,7 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     size = np.linalg.norm(vectors, axis=1)
     largest = float(size.max(initial=0.0)) or 1.0
     shown = np.flatnonzero((size > FAINTEST * largest) & np.isfinite(place).all(axis=1))
-    each = _N.longest * free_size(scene) / largest
+    each = LONGEST * free_size(scene) / largest
     ends = np.stack([place[shown] - each * vectors[shown], place[shown]], axis=1)
     label = "force on the block above"
     drawing = _with_forces(

@@ -5,16 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 import cvxlimit.plotting.look as look
-from cvxlimit.plotting.annotations import Marking
+from cvxlimit.plotting.annotations import LONGEST, Marking
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.movement import free_size, motion, still
 from cvxlimit.plotting.registry import picture
 from cvxlimit.plotting.style import Style
 from cvxlimit.readings.sensitivity import NOTHING
 from cvxlimit.solution import Solution
-
-_LONGEST = 0.12
-"""Of the structure's size: the arrow of the stone that counts most."""
 
 
 @picture
@@ -40,7 +37,7 @@ def sensitivity(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     most = float(size.max()) or 1.0
     drawn = np.flatnonzero(size > look.SLOW * most)
     centres = np.array([scene.blocks[i].centroid for i in drawn]).reshape(-1, 3)
-    ends = np.stack([centres, centres + _LONGEST * free_size(scene) / most * moves[drawn]], axis=1)
+    ends = np.stack([centres, centres + LONGEST * free_size(scene) / most * moves[drawn]], axis=1)
     by_friction = np.abs(found.friction) * scene.contacts.friction / abs(found.factor or 1.0)
     largest = float(by_friction.max(initial=0.0))
     counts = (by_friction > look.SLOW * largest) & (largest > NOTHING)
