@@ -17,21 +17,20 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex_search import standing
-from cvxlimit.methods.dilatancy.pair import Reduced, ladder
-from cvxlimit.methods.dilatancy.tresca import (
+from cvxlimit.extensions.dilatancy.pair import Reduced, ladder
+from cvxlimit.extensions.dilatancy.tresca import (
     Compressions,
     HeldFormulation,
     Tresca,
     held,
     tresca,
 )
+from cvxlimit.geometry.contacts import COLUMN, Contacts
+from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.convex_search import standing
 from cvxlimit.methods.driver import Method, Run, Steps
-from cvxlimit.methods.table import check
 from cvxlimit.model.formulations import ForceModel, corner_compressions
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded
 from cvxlimit.surfaces.base import Condition, YieldSurface, product
@@ -119,6 +118,7 @@ class Gilbert(Method):
     name = "gilbert"
     answers = "Gilbert's scheme for one solution without dilatancy, with a check of its friction"
     axis = "flow"
+    surfaces, takes, reduces = ("conic", "facets"), (), False
 
     tolerance: float = 1e-3
     excess: float = 1e-2
@@ -137,7 +137,6 @@ class Gilbert(Method):
         count(self.max_iterations, 1, "max_iterations")
 
     def steps(self, run: Run) -> Steps:
-        check("Gilbert's scheme", run, ())
         contacts, unit = run.contacts, run.scaling.force / len(run.scene.free)
         search = standing(run, run.model)
         if search is None:

@@ -20,11 +20,11 @@ from cvxlimit.cli.options import (
 )
 from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, scene_file, show
 from cvxlimit.cli.solving import scene_named
-from cvxlimit.io.geometry.export import EXPORTS, export
+from cvxlimit.io.exporting import EXPORTS, export
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import check_choice
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import known

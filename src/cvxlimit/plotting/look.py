@@ -15,8 +15,8 @@ from cvxlimit.base.checks import meant
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import JointKind, Marking, joint_kinds
-from cvxlimit.plotting.movement import Motion
 from cvxlimit.plotting.style import Style
+from cvxlimit.results.movement import Motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded
