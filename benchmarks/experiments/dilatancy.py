@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from benchmarks.experiment import Head, Lines, Part, Title, experiment
+from benchmarks.gilbert import Gilbert
 from benchmarks.lifted import Lifted, lifted_bound
 from benchmarks.random_walls import planar, retaining
 from cvxlimit import Block, Load, Scene, Solution, builtin_scene, solve
-from cvxlimit.extensions.dilatancy.gilbert import Gilbert
 from cvxlimit.extensions.dilatancy.least_thrust import lower_bound
 from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.masonry import running_bond, wall

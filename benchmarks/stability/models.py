@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.baselines import MT, V1, V2, N, program
+from benchmarks.gilbert import Gilbert
 from benchmarks.rows import Row, Rows
 from benchmarks.stability.families import Sample, key_of, sample, samples
 from benchmarks.stability.families.sample import FALLS
@@ -95,7 +96,7 @@ MODELS = (
     Model("little tension", _with("tensile_strength", LITTLE)),
     *map(_reading, ("independent", "paper", "signed-torsion-bending", "signed")),
     Model("zero dilatancy", partial(solve, method=MEMBERS)),
-    Model("Gilbert", partial(solve, method="gilbert")),
+    Model("Gilbert", partial(solve, method=Gilbert())),
 )
 
 _EQUAL, _NEARLY = 1e-4, 1e-2

@@ -18,7 +18,6 @@ from . import surfaces as surfaces
 from .base.versions import __version__ as __version__
 from .extensions import dynamics as dynamics
 from .extensions import paths as paths
-from .extensions.dilatancy.gilbert import Gilbert as Gilbert
 from .extensions.dilatancy.zero_dilatancy import ZeroDilatancy as ZeroDilatancy
 from .extensions.dynamics.record import Record as Record
 from .extensions.dynamics.record import pulse as pulse

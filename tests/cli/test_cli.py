@@ -20,7 +20,6 @@ import pytest
 import cvxlimit
 from cvxlimit import (
     Block,
-    Iterate,
     Load,
     Scene,
     Solution,
@@ -242,7 +241,7 @@ def test_the_result_is_of_what_was_asked_for(
         ("--moments signed", "moments does nothing for method 'convex', got 'signed'"),
         ("--moments independent", "moments does nothing for method 'convex'"),
         ("--method exact --moments paper", "moments does nothing for method 'exact'"),
-        ("--method gilbert --model least", "model 'least' does nothing for method 'gilbert'"),
+        ("--method exact --model least", "model 'least' does nothing for method 'exact'"),
         ("--branching-seconds 3", "--branching-seconds and --workers go with --method certified"),
         ("--workers 2", "--branching-seconds and --workers go with --method certified"),
         ("--method certified --workers 2 --branching-seconds 0", "--workers 2 does nothing"),
@@ -559,8 +558,8 @@ def test_not_certified_to_the_tolerance(run: Run) -> None:
     assert code == 4
     assert err.endswith(f"cvxlimit: not certified: {Status.NOT_CERTIFIED.advice}\n")
     assert result.status is Status.NOT_CERTIFIED
-    assert re.search(r"^solve +load factor .* solver +status$", out, re.MULTILINE)
-    assert len(re.findall(r"^ +\d+ ", out, re.MULTILINE)) == len(result.history)
+    assert re.findall(r"\(solve (\d+), ", err) == [str(i + 1) for i in range(len(result.history))]
+    assert "solver" in out
 
 
 @pytest.mark.parametrize("status", Status)
@@ -708,15 +707,6 @@ def test_bounds_are_rounded_outward(
     show(report.details(third, "file", 1e-5))
     lines = [x for x in capsys.readouterr().out.splitlines() if x.startswith("bracket")]
     assert lines == ([] if shown is None else [f"bracket  {shown}"])
-
-
-def test_history_leaves_empty_columns_out(capsys: pytest.CaptureFixture[str]) -> None:
-    iterates = [Iterate(0.3, 0.01, "CLARABEL", "optimal", change=c) for c in (None, 1e-3)]
-    show(report.history(iterates))
-    head, first, second = capsys.readouterr().out.splitlines()
-    assert head.split() == ["solve", "load", "factor", "change", "seconds", "solver", "status"]
-    assert first.split() == ["1", "0.3000000", "0.010", "CLARABEL", "optimal"]
-    assert second.split() == ["2", "0.3000000", "1.0e-03", "0.010", "CLARABEL", "optimal"]
 
 
 def test_result_file_is_json_with_the_promised_keys(run: Run) -> None:

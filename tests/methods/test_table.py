@@ -87,7 +87,6 @@ def test_moments_are_a_setting_of_those_that_have_a_reading(name: str) -> None:
         ("fixed-point", ("fixed-point", "associated", "linear")),
         ("certified", ("certified", "associated", "linear")),
         ("zero-dilatancy", ("none", "zero-dilatancy", "linear")),
-        ("gilbert", ("none", "gilbert", "linear")),
     ],
 )
 def test_results_say_in_three_words_what_the_method_took(

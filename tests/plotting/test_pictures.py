@@ -21,8 +21,8 @@ from cvxlimit.plotting.drawing import SceneFigure
 from cvxlimit.plotting.look import KIND_COLOURS, THINNEST, rgb, used_colour
 from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.plotting.pictures.forces import FAINTEST, thrust_lines
-from cvxlimit.plotting.pictures.utilisation import IDLE_COLOUR
 from cvxlimit.plotting.sheet import Letters, columns_of, measured
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import motion
 from cvxlimit.solution.kinematics import ContactKind
 
@@ -176,7 +176,7 @@ class TestUtilisation:
         decals = drawings[0].decals  # rectangles: one for each joint
         for decal, share, n in zip(decals, used.tolist(), normal.tolist(), strict=True):
             is_idle = n < 0.01 * normal.max()
-            assert decal.colour == (IDLE_COLOUR if is_idle else used_colour(min(share, 1.0)))
+            assert decal.colour == (Style.idle if is_idle else used_colour(min(share, 1.0)))
 
     def test_an_unknown_surface_is_refused(self, tuff: Solution) -> None:
         with pytest.raises(InputError, match="choose one of rocking, sliding, torsion"):

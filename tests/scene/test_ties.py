@@ -19,8 +19,9 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_scene, write_scene
 from cvxlimit.model.formulations import resultants
 from cvxlimit.plotting import plot
-from cvxlimit.plotting.annotations import CRUSHED_COLOUR, YIELDING_COLOUR, yielding
+from cvxlimit.plotting.annotations import yielding
 from cvxlimit.plotting.pictures.webpage import Page, page
+from cvxlimit.plotting.style import Style
 from helpers import rotations
 
 FloatArray = NDArray[np.float64]
@@ -254,7 +255,7 @@ def test_interactive_page() -> None:
     scene = tied_block(4.0).with_strength(compressive=2e3)
     data = data_of(page(scene, solve(scene)))
     kinds = [(shape["zone"], shape["colour"]) for shape in data["shapes"]]
-    assert kinds == [(True, CRUSHED_COLOUR), (False, YIELDING_COLOUR)]
+    assert kinds == [(True, Style.crushed), (False, Style.yielding)]
     tie = data["shapes"][1]
     assert tie["points"] == [-3.0, 0.5, 2.0, 0.0, 0.5, 2.0]
     assert tie["moves"][:3] == [0.0, 0.0, 0.0]  # its end on the wall

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.gilbert import Gilbert
 
 from cvxlimit import Block, Load, Scene, Solution, builtin_scene, settlement, solve
 from cvxlimit.cli.main import run
@@ -62,7 +63,7 @@ def answers() -> dict[str, Solution]:
         "unsettled": unsettled,
         "settled": solve(stack(1, (0.4, 1.0, 1.0)), method="fixed-point"),
         "bending": solve(builtin_scene("arch"), method="certified"),
-        "one solution": solve(slab(), method="gilbert"),
+        "one solution": solve(slab(), method=Gilbert()),
         "reaction": settlement(on_piers, "p1", (0, 0, -1)).solution,
         "wide": replace(rocks, bracket=Bracket(0.25, 0.5), status=Status.NOT_CERTIFIED),
         "stopped": replace(members, status=Status.INTERRUPTED),

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import cvxpy as cp
 import numpy as np
 import pytest
 from cvxpy.reductions.solution import Solution as Answer
 from cvxpy.reductions.solvers.conic_solvers.clarabel_conif import CLARABEL
-from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -77,9 +75,7 @@ class TestLadder:
         assert first.upper is None or first.upper >= TRUE * (1.0 - 2e-6)
 
     @pytest.mark.parametrize("ladder", ["HIGHS", ["HIGHS"], [UNFIT, "SCIPY"]], ids=str)
-    @pytest.mark.parametrize(
-        "method", ["convex", "fixed-point", "certified", "zero-dilatancy", "gilbert"]
-    )
+    @pytest.mark.parametrize("method", ["convex", "fixed-point", "certified", "zero-dilatancy"])
     def test_a_ladder_without_a_solver_for_the_problem_is_refused(
         self, method: str, ladder: object
     ) -> None:
@@ -478,13 +474,6 @@ def assert_right(
     else:
         assert_certified(solution, proved=False)
         assert solution.load_factor == pytest.approx(answer.load_factor, rel=1e-5, abs=1e-7)
-
-
-def test_the_table_denies_no_solver_what_cvxpy_passes_on() -> None:
-    """Cones: by what CVXPY's own interfaces say that they take."""
-    for name, interface in SOLVER_MAP_CONIC.items():
-        if name in SOLVERS and cp.SOC in interface.SUPPORTED_CONSTRAINTS:
-            assert SOLVERS[name].has_cones, name
 
 
 class Dualless(CLARABEL):

@@ -7,7 +7,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from cvxlimit.base.checks import meant
 from cvxlimit.base.versions import __version__
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import (
@@ -19,11 +18,11 @@ from cvxlimit.cli.options import (
     output_option,
     surface_option,
 )
-from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, show
+from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, scene_file, show
 from cvxlimit.cli.solving import scene_named
-from cvxlimit.errors import InputError
 from cvxlimit.io.exporting import EXPORTS, export
 from cvxlimit.methods.solving import solve
+from cvxlimit.methods.table import check_choice
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.reductions.choice import ModelName, Reductions
@@ -52,16 +51,12 @@ class Export:
 def export_command(asked: Export) -> ExitCode:
     """Write the convex problem that the solver gets, with its proved optimum in a comment."""
     form = asked.format.lower()
-    if form not in FORMATS:
-        raise InputError(
-            f"--format must be one of {', '.join(FORMATS)}, got {asked.format!r}"
-            + meant(form, FORMATS, before="; ")
-        )
+    check_choice("--format", form, FORMATS)
 
     def exported(tell: Tell) -> tuple[Scene, ConeProgram, Path]:
         scene = scene_named(asked.scene)
         path = asked.output or Path(f"{Path(scene.name).name}.{form}")
-        check_outputs({"--output": path}, {asked.scene: "the scene"})
+        check_outputs({"--output": path}, scene_file(asked.scene))
         tell("solving for the proved optimum")
         program, remarks = problem_of(scene, asked.surface, asked.model)  # type: ignore[arg-type]
         write_program(program, path, form, scene.name.replace(" ", "-"), remarks)
@@ -92,15 +87,11 @@ class SceneExport:
 @command_of(SceneExport)
 def export_scene_command(asked: SceneExport) -> ExitCode:
     """Write the blocks of a scene for another program."""
-    form = "." + asked.format.lower()
-    if form not in EXPORTS:
-        raise InputError(
-            f"--format must be one of {', '.join(kind[1:] for kind in EXPORTS)}, got "
-            f"{asked.format!r}"
-        )
+    form = asked.format.lower()
+    check_choice("--format", form, [kind[1:] for kind in EXPORTS])
     scene = scene_named(asked.scene)
-    path = asked.output or Path(f"{Path(scene.name).name}{form}")
-    check_outputs({"--output": path}, {asked.scene: "the scene"}, output=(form,))
+    path = asked.output or Path(f"{Path(scene.name).name}.{form}")
+    check_outputs({"--output": path}, scene_file(asked.scene), output=(f".{form}",))
     written = export(scene, path)
     show(facts([("scene", scene.name), *(("written", str(file)) for file in written)]))
     return ExitCode.SOLVED

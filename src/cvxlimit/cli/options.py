@@ -140,6 +140,19 @@ def result_option() -> Any:
     return option("FILE", "JSON file of the result; - is stdout.", group=OUTPUT)
 
 
+def rows_option(each: str) -> Any:
+    return option("OUT", f"Write a row {each}.", group=OUTPUT)
+
+
+def page_option(of: str) -> Any:
+    return option("OUT.html", f"Write a page to print and sign, {of}.", group=OUTPUT)
+
+
+def control_option(otherwise: str) -> Any:
+    said = f"Block and direction whose displacement is told; unless given, {otherwise}."
+    return option("BLOCK:X,Y,Z", said)
+
+
 def either(names: Iterable[str]) -> str:
     """What may be chosen, as running text, which is not broken within names.
 

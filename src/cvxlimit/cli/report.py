@@ -7,23 +7,29 @@ import os
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from enum import IntEnum
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, JustifyMethod, RenderableType
+from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.fields import one_line
+from cvxlimit.masonry import BUILTIN
 from cvxlimit.reductions.choice import duration, expected_seconds
 from cvxlimit.scene import Scene
-from cvxlimit.solution import LOAD_FACTOR, Iterate, Solution, Status
-from cvxlimit.solution.bracket import Bracket, rounded, rounded_down, rounded_up
+from cvxlimit.solution import LOAD_FACTOR, Solution, Status
+from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.said import basis_of, said
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 PICTURES = (".png", ".html", ".vtu", ".svg", ".pdf", ".gif", ".mp4")
 """What a solution can be drawn as."""
@@ -93,6 +99,27 @@ def check_outputs(
             raise ModelError(
                 f"{typed}: {what} need {library}: pip install 'cvxlimit[{extra}]'{without}"
             )
+
+
+def files_asked(
+    asked: Any, *names: str, reads: Mapping[str, str] | None = None, **kinds: Sequence[str]
+) -> list[tuple[str, str]]:
+    """Check the files that a command on one scene writes, by the names of its options, and return
+    the rows that say where they are."""
+    files = {f"--{name}": getattr(asked, name) for name in (*names, *kinds)}
+    check_outputs(files, {**scene_file(asked.scene), **(reads or {})}, **kinds)
+    return [("written", str(file)) for file in files.values() if file is not None]
+
+
+def scene_file(name: str) -> dict[str, str]:
+    """What is read for a scene of that name."""
+    return {} if name in BUILTIN else {name: "the scene"}
+
+
+def write_rows(path: Path | None, table: DataFrame) -> None:
+    """Write a table to the CSV file that is asked for, if one is."""
+    if path is not None:
+        write_file(path, table.to_csv(index=False).encode("utf-8"))
 
 
 def _typed(option: str, path: Path) -> str:
@@ -231,28 +258,6 @@ def verdict(solution: Solution) -> str:
     return f"{solution.status}: {advice(solution)}"
 
 
-def history(iterates: Sequence[Iterate]) -> Table:
-    columns: dict[str, list[str]] = {
-        "solve": [str(i) for i in range(1, len(iterates) + 1)],
-        "load factor": [_text(x.load_factor) for x in iterates],
-        "lower": [_text(x.lower, rounded_down) for x in iterates],
-        "upper": [_text(x.upper, rounded_up) for x in iterates],
-        "change": ["" if x.change is None else f"{x.change:.1e}" for x in iterates],
-        "seconds": [f"{x.seconds:.3f}" for x in iterates],
-        "solver": [one_line(x.solver) for x in iterates],
-        "status": [one_line(x.status) for x in iterates],
-    }
-    kept = {name: cells for name, cells in columns.items() if any(cells)}
-    table = _columns(header=True)
-    for name in kept:
-        words = name in ("solver", "status")
-        justify: JustifyMethod = "left" if words else "right"
-        table.add_column(name, justify=justify, no_wrap=not words, overflow="fold")
-    for row in zip(*kept.values(), strict=True):
-        table.add_row(*row)
-    return table
-
-
 def listing(scenes: Mapping[str, tuple[Scene, str]]) -> Table:
     table = _columns(header=True)
     table.add_column("name", no_wrap=True)
@@ -276,8 +281,3 @@ def _style(solution: Solution) -> str:
 
 def counted(number: int, thing: str) -> str:
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
-
-
-def _text(value: float | None, rounding: Callable[[float], str] = rounded) -> str:
-    """Bounds are rounded outward, so that a bracket on the screen holds as well."""
-    return "" if value is None else rounding(value)

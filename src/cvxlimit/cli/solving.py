@@ -41,8 +41,9 @@ from cvxlimit.cli.report import (
     counted,
     details,
     facts,
-    history,
+    files_asked,
     refuse,
+    scene_file,
     show,
     summary,
     verdict,
@@ -108,7 +109,6 @@ class Files:
     without_dilatancy: bool = False
 
     def check(self, scene: str) -> None:
-        inputs = {} if scene in BUILTIN else {scene: "the scene"}
         outputs = {"--json": None if self.is_piped else self.json, "--export": self.export}
         outputs["--report"] = self.report
         kinds: dict[str, Collection[str]] = {"export": EXPORTS, "report": (".html",)}
@@ -117,7 +117,7 @@ class Files:
             name += "" if f"--{name}" not in outputs else f" ({number + 1})"
             outputs[f"--{name}"] = path
             kinds[name] = _SUFFIXES.get(kind, IMAGES)
-        check_outputs(outputs, inputs, **kinds)
+        check_outputs(outputs, scene_file(scene), **kinds)
 
     @property
     def is_piped(self) -> bool:
@@ -178,7 +178,6 @@ def deliver(
             show(summary(solution, written))
             if VOICE.get() > 0:
                 show(Text(), details(solution, origin, tolerance))
-                show(Text(), history(solution.history))
     warn_of_geometry(scene)
     status = solution.status
     if solution.is_answered:
@@ -422,8 +421,7 @@ def show_command(asked: Drawing) -> ExitCode:
     A scene whose geometry is refused is drawn with the blocks to blame in red.
     """
     name = asked.scene
-    inputs = {} if name in BUILTIN else {name: "the scene"}
-    check_outputs({"--plot": asked.plot}, inputs, plot=SCENE_PICTURES)
+    files_asked(asked, plot=SCENE_PICTURES)
 
     def checked(tell: Tell) -> tuple[Scene, InputError | None]:
         scene = scene_named(name)

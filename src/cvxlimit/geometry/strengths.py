@@ -37,7 +37,7 @@ class JointValues(Generic[V]):
 
     A property is added by a line here and one for its exceptions in :class:`SceneJoints`. Surfaces
     read it from the contacts; methods that state friction themselves (interaction, exact, fixed
-    point, Gilbert) read ``friction`` alone, and have to take the new property into account or
+    point) read ``friction`` alone, and have to take the new property into account or
     refuse it.
 
     Attributes

@@ -143,7 +143,7 @@ class ConvexSearch:
             reduction = reductions.best(dead_state)
             run.reductions = reduction.names
             self.problem = self._given or LimitProgram(
-                reductions.assemblage, run.surfaces, reduction=reduction, repeats=run.repeats
+                reductions.assemblage, run.surfaces, reduction=reduction
             )
 
     @property

@@ -89,8 +89,6 @@ class Run:
     mortar : Mortar or None
         What makes forces of the scene as it was given from those of :attr:`scene`; None without
         tensile strength and least reactions.
-    repeats : Repeats or None
-        What the run shares with others of the same geometry.
     surfaces : tuple of YieldSurface, surface : str
         Asked for, and their name.
     moments : Moments
@@ -157,7 +155,7 @@ class Run:
         # mechanics: a scene whose mortar bears tension is solved as one without, under another load
         with self.clock.phase("compile"):
             self.assemblage = as_given = Assemblage.of(scene)
-            self.given, self.repeats = as_given.scene, as_given.repeats
+            self.given = as_given.scene
             self.mortar = Mortar.of(self.given) if is_needed(self.contacts) else None
             if self.mortar is not None:
                 scaling = as_given.scaling if as_given is scene else None

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import EPSILON, FloatArray
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.convex_search import ConvexSearch
@@ -35,9 +35,6 @@ from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName
-
-_NO_WEIGHT = 1e-14
-"""Weight of the moving supports over that of all blocks: their own does not count."""
 
 _LEAST, _LARGEST = "least", "largest"
 
@@ -208,7 +205,7 @@ def _guided(
     blocks = list(scene.blocks)
     for name in rates:
         block = blocks[place[name]]
-        weight = _NO_WEIGHT * scene.total_weight / (len(rates) * block.volume)
+        weight = EPSILON * scene.total_weight / (len(rates) * block.volume)
         blocks[place[name]] = replace(block, density=weight)
     others = tuple(key for key in scene.supports if key not in rates)
     push = Load(forces={name: tuple(sign * way / whole) for name, way in rates.items()})

@@ -47,13 +47,13 @@ def solve(
         ``"octagon-inscribed"`` and so on for the safe side; ``"parabolic"``, on which torsion and
         shear share friction nearer to the exact limit than on the paper's line (Eq. 24), in the
         same time; or your own surfaces.
-    method : {"convex", "exact", "fixed-point", "certified", "zero-dilatancy", "gilbert"} or Method
+    method : {"convex", "exact", "fixed-point", "certified", "zero-dilatancy"} or Method
         ``"convex"`` (default) is one convex problem, without interaction with bending.
         ``"exact"`` takes torsion and shear on their exact limit (Eq. 18-21).
         ``"fixed-point"`` and ``"certified"`` let bending reduce torsion and shear strength
         (Eq. 26-32), by the paper's iteration (Eq. 41-43) or with a proved bracket.
         ``"zero-dilatancy"`` is friction that slides without opening contacts: a set of solutions,
-        ``solution.members``, without a bracket; ``"gilbert"`` is the usual scheme for one of them.
+        ``solution.members``, without a bracket.
         With settings of your own: :class:`Certified`, :class:`FixedPoint`,
         :class:`ZeroDilatancy`...; or a loop of your own, as a :class:`Method`. What goes with
         what: :data:`cvxlimit.methods.table.TABLE`.

@@ -17,7 +17,7 @@ from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import NAMED, PARABOLIC
 
-MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy", "gilbert"]
+MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy"]
 """Names for type checkers: those of :data:`TABLE`."""
 
 Surface: TypeAlias = "str | Cone | Sequence[YieldSurface]"

@@ -104,4 +104,4 @@ def with_contacts_of(assemblage: Assemblage, contacts: Contacts) -> Assemblage:
     """The same mechanics with other strengths of its contacts."""
     statics = replace(assemblage.statics, contacts=contacts)
     statics.__dict__["matrix"] = assemblage.statics.matrix
-    return replace(assemblage, statics=statics, repeats=None)
+    return replace(assemblage, statics=statics, strengths={})

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Hashable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -27,15 +28,15 @@ class Assemblage:
     """Blocks and contacts of a scene as equilibrium sees them, under its loads.
 
     Everything that analyses share is computed once: ``statics`` in the scene's units, ``balance``,
-    which brings forces into equilibrium with the least change, and ``repeats``, what problems of
-    scenes like this one share (:class:`~cvxlimit.reductions.repeated.Repeats`), if there are any.
+    which brings forces into equilibrium with the least change, and ``strengths``, by key the last
+    :class:`~cvxlimit.proof.strength.Strength` that was made for a scene of this geometry.
     """
 
     scene: Scene
     statics: Statics
     scaling: Scaling
     balance: Balance
-    repeats: Any = None
+    strengths: dict[Hashable, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, scene: Scene | Assemblage, scaling: Scaling | None = None) -> Assemblage:
@@ -47,7 +48,7 @@ class Assemblage:
     def of_less(self, statics: Statics) -> Assemblage:
         """Returns the mechanics with ``statics`` of a part: it shares nothing, as no other scene
         has its contacts."""
-        return replace(self, statics=statics, balance=Balance.of(statics), repeats=None)
+        return replace(self, statics=statics, balance=Balance.of(statics), strengths={})
 
     def under(self, dead: FloatArray, live: FloatArray) -> Assemblage:
         loads = dead.reshape(-1, DOF), live.reshape(-1, DOF)
@@ -64,7 +65,7 @@ class Assemblage:
         dead, live = scene.dead_forces.ravel(), scene.live_forces.ravel()
         statics = replace(self.statics.under(dead, live), contacts=scene.contacts)
         statics.__dict__["matrix"] = self.statics.matrix
-        return Assemblage(scene, statics, Scaling.of(scene), self.balance, self.repeats)
+        return Assemblage(scene, statics, Scaling.of(scene), self.balance, self.strengths)
 
     @cached_property
     def scaled(self) -> Statics:

@@ -83,7 +83,7 @@ class Changeable(Statement):
         """Other limits, by name, and another aim, None for the load factor; it is maximised, or
         minimised where ``sense`` is -1."""
         self.limits, self.aim, self.sense = limits, aim, sense
-        for name in ("problem", "_in_rows", "_own", "_shared", "shape", "_inside"):
+        for name in ("problem", "_in_rows", "_own", "shape", "_inside"):
             self.__dict__.pop(name, None)
         self.forget()
 

@@ -46,14 +46,10 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.sinks import Constraints, Rows, stacked
-from cvxlimit.solvers import clarabel_at, run
+from cvxlimit.solvers import run, settings_for
 from cvxlimit.surfaces.base import CONSTANT, LinearForm, YieldSurface, express, number
 from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Bounds, with_bounds
-
-_TIGHT = 1e-11
-"""Tolerance of proposed flows: where strength is far above the forces, dissipation is a small
-difference of large terms."""
 
 _PENALTY = 10.0
 """Price of missing opening over that of dissipation as an opening. Any above 1 gives the same flow:
@@ -387,7 +383,7 @@ class FlowRule(StrengthRows):
         else:  # without strength the dissipation is zero
             goal = cp.sum(missing)
         problem = cp.Problem(cp.Minimize(goal), flow.limits)
-        if not run(problem, clarabel_at(_TIGHT)[0], ignore_dpp=True).has_values:
+        if not run(problem, settings_for("CLARABEL"), ignore_dpp=True).has_values:
             return self._no_flows
         flows, multipliers = self._no_flows
         if flow.flows is not None:

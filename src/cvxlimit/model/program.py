@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -31,7 +31,7 @@ from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_l
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
-from cvxlimit.surfaces.coulomb import strength_key, surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of
 
 DPP_LIMIT = 3_000
 """Entries of Parameters up to which CVXPY keeps its compilation for re-solves. The first with
@@ -55,9 +55,6 @@ class LimitProgram(Changeable):
         A smaller model, with a formulation of its own.
     goal : callable
         What is maximised, stated to either sink; the load factor by default.
-    repeats : Repeats or None
-        What problems of scenes like this one share
-        (:class:`~cvxlimit.reductions.repeated.Repeats`), if there are any.
 
     Raises
     ------
@@ -90,7 +87,6 @@ class LimitProgram(Changeable):
         formulation: Formulation = corner_compressions,
         reduction: Reduction | None = None,
         goal: Goal = LARGEST_FACTOR,
-        repeats: Any = None,
     ) -> None:
         joints = {
             "friction": friction, "cohesion": cohesion, "tensile_strength": tensile_strength,
@@ -99,9 +95,10 @@ class LimitProgram(Changeable):
         surfaces, self.surface = surfaces_of(surface)
         loads, bounds = {"dead": dead, "live": live}, {"most": most, "least": least}
         given = Given.of(scene, joints, loads, weights, bounds)
-        super().__init__(given, surfaces, formulation, reduction, goal, repeats)
+        super().__init__(given, surfaces, formulation, reduction, goal)
         self.reference: Reference | None = None  # of the last bracket, for the next
-        self.shared: Any = None  # what certificates at several values of the Parameters share
+        self.strengths = dict[Hashable, Any]()  # see Assemblage: at all values of the Parameters
+        self._ready: ConeProgram | None = None  # rows that come from another problem
 
     @cached_property
     def _in_rows(self) -> tuple[Stated, Written]:
@@ -173,36 +170,19 @@ class LimitProgram(Changeable):
     def program(self) -> ConeProgram:
         """The rows, at the Parameters' present values. Unknown are internal forces, bounds of
         norms, the load factor, and what the goal adds."""
-        if self._shared is not None:
-            return self._shared
+        if self._ready is not None:
+            return self._ready
         written = self._in_rows[1]
         return written.at(written.theta.values())
 
-    @cached_property
-    def _shared(self) -> ConeProgram | None:
-        """The rows that scenes like this one share, under this one's loads; None where they do not
-        fit: with Parameters, reductions, limits of one's own, or another goal."""
-        if self.repeats is None or self.given.is_symbolic:
-            return None
-        about = strength_key(self.surfaces, self.model.contacts)
-        is_full = self._is_whole and len(self.equilibrium.rows) == len(self.loads[0])
-        is_full = is_full and self._own is None
-        if about is None or not is_full or self.goal != LARGEST_FACTOR:
-            return None
-        what, contacts = ("program", about, self.scaling.force), self.model.contacts
-        program = self.repeats.shared(what, contacts, lambda: self._in_rows[1].program)
-        dead, live = self.loads
-        shared: ConeProgram = program.under(dead, live)
-        return shared
-
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
         """Solvers in the order in which to try them for a bracket within ``tolerance``."""
-        return limit_ladder(self.shape, tolerance, self.repeats is not None)
+        return limit_ladder(self.shape, tolerance)
 
     @cached_property
     def shape(self) -> Shape:
         """Counts, which decide about solvers."""
-        program = self._shared or self._in_rows[1].program
+        program = self._ready or self._in_rows[1].program
         variables, cones = program.matrix.shape[1], len(program.cones)
         return Shape(variables, program.zero, cones, program.nonneg)
 
@@ -237,16 +217,14 @@ class LimitProgram(Changeable):
 
     def _run_rows(self, settings: SolverSettings) -> LimitState:
         # the rows at the present values, and what solves of the same structure keep
-        values, program, kept = None, self._shared, self._kept
+        values, program = None, self._ready
         if program is None:
             values = self._in_rows[1].theta.values()
             program = self._in_rows[1].at(values)
-        if self.repeats is not None:
-            kept = self.repeats.structure(program)
         # it starts from the last solve if a Parameter has changed since
         before, self._values_before = self._values_before, values
         is_warm = before is not None and values is not None and bool((before != values).any())
-        outcome, x, y = program.solve(settings, kept, is_warm, all_duals=True)
+        outcome, x, y = program.solve(settings, self._kept, is_warm, all_duals=True)
         state = self.state(outcome, x, y)
         if self._own is not None and x is not None and y is not None:
             multipliers = self._gain * self._own.multipliers(y[self._own.places(program)])
@@ -332,7 +310,7 @@ class LimitProgram(Changeable):
         if x is None or y is None:
             return LimitState(outcome, None, None, None)
         rows = len(self.equilibrium.rows)
-        if self._shared is not None:
+        if self._ready is not None:
             return self._state(outcome, x[: len(self._unit)], float(x[-1]), y[:rows], {})
         stated, _ = self._in_rows
         internal = stacked(stated.internal).values(x)
@@ -393,7 +371,7 @@ class LimitProgram(Changeable):
             np.append(matrix.indptr[:-1], matrix.nnz + 1),
         )
         shape = matrix.shape[0] + 1, matrix.shape[1]
-        result.__dict__["_shared"] = replace(
+        result._ready = replace(
             before,
             matrix=sp.csc_array(entries, shape),
             right=np.insert(before.right, at, 1.0),

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
-from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
+from cvxlimit.model.formulations import Formulation, model_of
 from cvxlimit.model.given import Given
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.model.statics import DOF
@@ -109,7 +109,6 @@ class Statement:
         formulation: Formulation,
         reduction: Reduction | None,
         goal: Goal,
-        repeats: Any,
     ) -> None:
         self.given, self.assemblage = given, given.assemblage
         self.surfaces = with_bounds(needed_surfaces(surfaces), given.contacts)
@@ -120,7 +119,7 @@ class Statement:
             whole = Reduction.none(self.assemblage.statics, formulation)
             reduction = replace(whole, contacts=given.contacts)
         self.reduction = reduction
-        self.goal, self.repeats, self.scaling = goal, repeats, self.assemblage.scaling
+        self.goal, self.scaling = goal, self.assemblage.scaling
         self.model = model_of(self.reduction.formulation, self.reduction.contacts)
         # units of internal forces, and one over those of equilibrium's rows: moments by the length
         self._unit = np.where(self.model.is_moment, self.scaling.length, 1.0)
@@ -178,28 +177,17 @@ class Statement:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Scaled, of the internal forces."""
-        if self.repeats is None or not self._is_whole:
-            matrix = self._matrix()
-        else:
-            matrix = self.repeats.shared("matrix", self.model.contacts, self._matrix)
         sizes = [  # of loads, one where they are open
             np.ones(load.size) if isinstance(load, cp.Expression) else np.abs(load)
             for load in self.loads
         ]
-        return Equilibrium.of(matrix, np.stack(sizes), self.scaling, self.reduction.rates)
+        return Equilibrium.of(self._matrix(), np.stack(sizes), self.scaling, self.reduction.rates)
 
     @cached_property
     def loads(self) -> tuple[Any, Any]:
         """Scaled dead and live load (6 free blocks,), numbers or CVXPY expressions."""
         dead = product(self._down / self.scaling.force, self.given.dead)
         return dead, product(self._down / self.scaling.live, self.given.live)
-
-    @cached_property
-    def _is_whole(self) -> bool:
-        """True if unknown are the corner compressions of all contacts: equilibrium is then the same
-        for all scenes of one geometry."""
-        is_plain = self.reduction.formulation is corner_compressions and not self.model.conditions
-        return is_plain and not self.reduction.names
 
     def _matrix(self) -> sp.csr_array:
         """The matrix of equilibrium along all six ways of all free blocks, scaled."""

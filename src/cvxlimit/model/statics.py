@@ -15,9 +15,10 @@ from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.scene import Scene
 
 BALANCED = 1e-11
-"""Residual of a block that counts as rounding, as a share of the forces acting on it."""
+"""Residual of a block that counts as rounding, as a share of the forces acting on it; also what two
+sides of a mirror differ by, of scenes turned at random 3e-13 at most."""
 
-_SMALLEST = 1e-100
+SMALLEST = 1e-100
 """Smallest total load: squares of smaller ones underflow."""
 
 ZERO = 1e-6
@@ -155,9 +156,9 @@ class Scaling:
         """Total dead load, typical contact size, total live load."""
         length = scene.contacts.typical_size
         for what, forces in (("live", scene.live_forces), ("dead", scene.dead_forces)):
-            if np.any(forces) and not block_sizes(forces, length).sum() > _SMALLEST:
+            if np.any(forces) and not block_sizes(forces, length).sum() > SMALLEST:
                 raise InputError(
-                    f"the {what} load of scene {scene.name!r} is below {_SMALLEST:g} in all: "
+                    f"the {what} load of scene {scene.name!r} is below {SMALLEST:g} in all: "
                     "choose smaller units of force or a larger density"
                 )
         return cls.under(length, scene.dead_forces, scene.live_forces)

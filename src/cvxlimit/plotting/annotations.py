@@ -13,6 +13,7 @@ from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.contacts import COLUMN, Contacts, pressure_centres
 from cvxlimit.plotting.camera import upright
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, displaced, free_size
 from cvxlimit.results.utilisation import contact_forces
 from cvxlimit.scene import Scene
@@ -24,7 +25,8 @@ LEVEL_WITHIN = 10.0
 """Degrees off level or upright up to which a joint counts as bed or head joint."""
 
 LONGEST, SHORTEST = 0.15, 0.05
-"""Length of the arrows of the largest and of tiny forces, relative to the free blocks' size."""
+"""Length of the arrows of the largest and of tiny forces, and of the largest resultant and the
+largest gain by a move, relative to the free blocks' size."""
 
 
 class JointKind(IntEnum):
@@ -195,8 +197,6 @@ def _pressure_text(pressure: Pressure, scene: Scene) -> str:
     return f"{text} that grows by {slope:.4g} {units}\u00b3" if slope else text
 
 
-CRUSHED_COLOUR, TIE_COLOUR, YIELDING_COLOUR = "#7a1010", "#5d6b82", "#0a7d4f"
-
 _AT_STRENGTH = 1e-3
 """Share of its strength that a contact or a tie may lack and still counts as yielding."""
 
@@ -265,11 +265,11 @@ def shapes_of(scene: Scene, solution: Solution, moving: Motion) -> list[Shape]:
     for j, corners in crushed_zones(scene, forces).items():
         text = f"crushed zone of {contacts.names[j]}"
         blocks = [int(contacts.a[j])] * len(corners)
-        result.append(shape(corners, blocks, CRUSHED_COLOUR, text, "crushed zone"))
+        result.append(shape(corners, blocks, Style.crushed, text, "crushed zone"))
     place = {block.id: i for i, block in enumerate(scene.blocks)}
     for tie, yields in zip(scene.ties, yielding(scene, forces), strict=True):
         points = np.array([tie.start, tie.end])
-        colour = YIELDING_COLOUR if yields else TIE_COLOUR
+        colour = Style.yielding if yields else Style.tie
         text = f"tie {tie.a}-{tie.b} {'yields at' if yields else 'below'} {tie.yield_force:g}"
         label = "tie yields" if yields else "tie"
         result.append(shape(points, [place[tie.a], place[tie.b]], colour, text, label))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.ticker import MaxNLocator
 
 from cvxlimit.base.arrays import FloatArray
@@ -64,7 +65,8 @@ class Axes:
         self.lines.append(base)
         align = _aligned(aside)
         places = [base[0] + (v - low) / (high - low) * (base[1] - base[0]) for v in values]
-        away = tuple((1.6 * PAPER.tick * aside).tolist())
+        tick = PAPER.point * float(rcParams["xtick.major.size"])
+        away = tuple((1.6 * tick * aside).tolist())
         numbers = [
             Word(tuple(at), away, f"{value:.10g}", letters.tick, *align)
             for value, at in zip(values.tolist(), places, strict=True)
@@ -72,10 +74,10 @@ class Axes:
         tight = 0.9 * scale  # which is somewhat less once there is room for all words
         if any(one.meets(other, tight) for one, other in pairwise(numbers)):
             numbers, places = [], []
-        self.ticks.extend(np.stack([at, PAPER.tick * aside]) for at in places)
+        self.ticks.extend(np.stack([at, tick * aside]) for at in places)
         wide = max((measured(word.text, letters.tick) for word in numbers), default=0.0)
         tall = 1.25 * letters.tick * PAPER.point if numbers else 0.0
-        reach = 1.6 * PAPER.tick + float(np.abs(aside) @ [wide, tall]) + 0.03
+        reach = 1.6 * tick + float(np.abs(aside) @ [wide, tall]) + 0.03
         told = f"{name} ({unit})" if numbers else f"{name} {low:.4g} to {high:.4g} ({unit})"
         middle, size = tuple(base.mean(axis=0)), letters.size(9.0)
         label = Word(middle, tuple(reach * aside), told, size, *align)

@@ -11,7 +11,8 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
-from cvxlimit.plotting.look import CASE_COLOURS, PALE, block_colours, title
+from cvxlimit.plotting.look import CASE_COLOURS, block_colours, title
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, motion, still
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -112,5 +113,5 @@ def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:
 def at_rest(solution: Solution, viewer: Viewer, caption: str, **parts: Any) -> Drawing:
     scene = solution.scene
     camera = camera_for(scene, motion(scene, solution), viewer)
-    pale = block_colours(scene, still(scene), stone=PALE)
+    pale = block_colours(scene, still(scene), stone=Style.pale)
     return Drawing(scene, still(scene), camera, title(solution), caption, colours=pale, **parts)

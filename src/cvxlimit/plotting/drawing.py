@@ -31,7 +31,6 @@ from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.look import IMAGES, Saved
 from cvxlimit.plotting.picture import Fill, Seen, seen
 from cvxlimit.plotting.sheet import (
-    GLASS_LINE,
     KEYS,
     PAPER,
     Fit,
@@ -44,11 +43,9 @@ from cvxlimit.plotting.sheet import (
     measured,
     notes_keys,
 )
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, still
 from cvxlimit.scene import Scene
-
-INK = "#4a4f57"
-_FACE_LINE, _GHOST_LINE = "#4b4e53", "#b4b7bd"
 
 
 class SceneFigure(Figure, Saved):
@@ -154,15 +151,15 @@ def draw_seen(axes: Axes, picture: Seen, weight: float, glass: bool = False) -> 
     added: list[Artist] = []
     if picture.ghost.rings:
         added.append(_fills(axes, [picture.ghost], 0.0))
-        added.append(_lines(axes, picture.ghost_lines, _GHOST_LINE, line, 2.1))
+        added.append(_lines(axes, picture.ghost_lines, Style.ghost, line, 2.1))
     if glass:
-        added.append(_lines(axes, picture.lines, GLASS_LINE, line, 2.15))
+        added.append(_lines(axes, picture.lines, Style.glass, line, 2.15))
     if picture.fills:
         added.append(_fills(axes, picture.fills, 0.35 * line))
-    colour, strength = (GLASS_LINE, 0.45) if glass else (_FACE_LINE, 1.0)
+    colour, strength = (Style.glass, 0.45) if glass else (Style.face, 1.0)
     added.append(_lines(axes, picture.lines, colour, line, 2.4, strength))
     if picture.ghost.rings:
-        added.append(_lines(axes, picture.ghost_lines, "#26263a", line, 2.5, 0.13))
+        added.append(_lines(axes, picture.ghost_lines, Style.shadow, line, 2.5, 0.13))
     if len(picture.marks):
         marks = LineCollection(
             list(picture.marks), colors=picture.colours, linewidths=weight * picture.widths,
@@ -220,7 +217,7 @@ def _draw_notes(axes: Axes, drawing: Drawing, weight: float) -> None:
         _draw_arrow(axes, ends, look.CASE_COLOURS[arrow.case], 2.2 * weight, 7.5, halo=True)
     if drawing.notes.marks:
         at = drawing.camera.project(np.array([mark.at for mark in drawing.notes.marks]))[:, :2]
-        axes.plot(*at.T, "o", ms=9 * weight, mfc="none", mec=look.MARK_COLOUR, mew=1.8 * weight,
+        axes.plot(*at.T, "o", ms=9 * weight, mfc="none", mec=Style.mark, mew=1.8 * weight,
                   zorder=7, clip_on=False)  # fmt: skip
 
 
@@ -250,7 +247,7 @@ def _draw_dots(axes: Axes, drawing: Drawing, weight: float) -> None:
     if drawing.dots is not None and len(drawing.dots):
         at = drawing.camera.project(drawing.dots)[:, :2]
         size = weight * float(np.clip(60.0 / np.sqrt(len(at)), 1.2, 4.0))
-        axes.plot(*at.T, "o", ms=size, mfc=look.CENTRE_COLOUR, mec="white", mew=0.25 * size**0.5,
+        axes.plot(*at.T, "o", ms=size, mfc=Style.centre, mec="white", mew=0.25 * size**0.5,
                   zorder=7)  # fmt: skip
 
 
@@ -269,15 +266,15 @@ def _draw_axes(axes: Axes, coordinates: Coordinates, scale: float) -> None:
     """Draws coordinate axes with ticks and numbers."""
     ticks = [np.stack([at, at + away / scale]) for at, away in coordinates.ticks]
     axes.add_collection(
-        LineCollection([*coordinates.lines, *ticks], colors=INK, linewidths=0.8, zorder=3),
+        LineCollection([*coordinates.lines, *ticks], colors=Style.ink, linewidths=0.8, zorder=3),
         autolim=False,
     )
     for word in coordinates.words:
         x, y = word.away
         axes.annotate(
             word.text, word.at, (x / PAPER.point, y / PAPER.point), textcoords="offset points",
-            ha=word.level, va=word.upright, fontsize=word.size, color=INK, annotation_clip=False,
-            parse_math=False,
+            ha=word.level, va=word.upright, fontsize=word.size, color=Style.ink,
+            annotation_clip=False, parse_math=False,
         )  # fmt: skip
 
 
@@ -346,7 +343,7 @@ class _Parts:
         """Writes title, caption, legend and colour bar onto a figure or into axes."""
         width, height = self.size
         across = host.transFigure if isinstance(host, Figure) else host.transAxes
-        colour = look.MARK_COLOUR if drawing.notes.refusal else INK
+        colour = Style.mark if drawing.notes.refusal else Style.ink
         top = height - PAPER.pad
         for lines, size, ink in (
             (self.heading, self.letters.heading, "black"), (self.said, self.letters.caption, colour)

@@ -4,73 +4,50 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import meant
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import JointKind, Marking, joint_kinds
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded
 from cvxlimit.solution.kinematics import ContactKind
 
-SPEED_STOPS = ("#f4f1e6", "#cfe3d4", "#8fc8bd", "#4aa3a8", "#1f7791", "#134b73")
-"""Colours from speed 0 to the largest, evenly spaced: light to dark, so that they also read in
-grey and to colour-blind eyes, and far from the colours of the contacts."""
-
-SUPPORT_COLOUR = "#a3a09a"
-STONE_COLOUR = "#d9d0bd"
-"""Free blocks where there is no mechanism."""
-
-PALE = "#efeae0"
-"""Blocks behind lines and coloured joints: light enough for both."""
-
-CENTRE_COLOUR = "#b3123c"
-"""Pressure centres."""
-
 KIND_COLOURS = {
-    ContactKind.OPENS: "#d62246",
-    ContactKind.SLIDES: "#f59e0b",
-    ContactKind.TWISTS: "#8b2fc9",
+    ContactKind.OPENS: Style.red,
+    ContactKind.SLIDES: Style.amber,
+    ContactKind.TWISTS: Style.violet,
 }
 
 KIND_TEXTS = {kind: f"contact {kind.name.lower()}" for kind in KIND_COLOURS}
 
 JOINT_COLOURS = {
-    JointKind.BED: "#1b6ca8",
-    JointKind.HEAD: "#c2571a",
-    JointKind.SLOPING: "#5b8c2a",
+    JointKind.BED: Style.bed,
+    JointKind.HEAD: Style.head,
+    JointKind.SLOPING: Style.sloping,
 }
 
 JOINT_TEXTS = {kind: f"{kind.name.lower()} joint" for kind in JOINT_COLOURS}
 
-CASE_COLOURS = {"dead": "#3b4252", "live": "#c2185b"}
+CASE_COLOURS = {"dead": Style.dead, "live": Style.live}
 """Arrows of the two load cases."""
-
-MARK_COLOUR = "#d00000"
-"""Near misses, and where a refused scene is wrong."""
-
-CULPRIT_COLOUR = "#ee6c5b"
-"""Blocks to blame for a refusal."""
 
 SPEED_TEXT = "largest corner speed of the block / largest of all"
 WAY_TEXT = "way of the block's farthest corner / farthest of all"
-
-USE_STOPS = ("#f7e8c8", "#f0b56b", "#d9743f", "#9e3251", "#4a1a5c")
-"""Share of strength in use, from none to all: light to dark, so that it also reads in grey and to
-colour-blind eyes."""
-
 USE_TEXT = "share of strength in use"
 
 
 def used_colour(share: float) -> str:
-    return "#" + "".join(f"{round(255 * c):02x}" for c in mixed(USE_STOPS, share).tolist())
+    return "#" + "".join(f"{round(255 * c):02x}" for c in mixed(Style.use, share).tolist())
 
 
 def rgb(colour: str) -> FloatArray:
@@ -84,14 +61,14 @@ def mixed(stops: Sequence[str], share: FloatArray | float) -> FloatArray:
 
 
 def block_colours(
-    scene: Scene, motion: Motion, culprits: frozenset[str] = frozenset(), stone: str = STONE_COLOUR
+    scene: Scene, motion: Motion, culprits: frozenset[str] = frozenset(), stone: str = Style.stone
 ) -> FloatArray:
     if motion.moves:
-        colours = mixed(SPEED_STOPS, motion.speed)
+        colours = mixed(Style.speed, motion.speed)
     else:
         colours = np.tile(rgb(stone), (len(scene.blocks), 1))
-    colours[np.setdiff1d(np.arange(len(colours)), scene.free)] = rgb(SUPPORT_COLOUR)
-    colours[[block.id in culprits for block in scene.blocks]] = rgb(CULPRIT_COLOUR)
+    colours[np.setdiff1d(np.arange(len(colours)), scene.free)] = rgb(Style.support)
+    colours[[block.id in culprits for block in scene.blocks]] = rgb(Style.culprit)
     return colours
 
 
@@ -203,6 +180,20 @@ def saved(picture: Any, path: str | os.PathLike[str], options: Mapping[str, Any]
         raise InputError("a picture in axes is part of their figure: save that with savefig")
     result: Path = picture.save(path)
     return result
+
+
+def of_kind(
+    what: str, kinds: Mapping[str, Callable[..., Any]], kind: str, thing: Any,
+    file: str | os.PathLike[str] | None, options: dict[str, Any],
+) -> Any:  # fmt: skip
+    """Draws the picture of that ``kind``; returns it, or the file it is saved to."""
+    if kind not in kinds:
+        raise InputError(
+            f"{what} has no picture {kind!r}: choose one of {', '.join(kinds)}"
+            + meant(kind, kinds, before="; ")
+        )
+    picture = kinds[kind](thing, **options)
+    return picture if file is None else saved(picture, file, options)
 
 
 def with_suffix(path: str | os.PathLike[str], suffixes: tuple[str, ...]) -> Path:

@@ -23,6 +23,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Annotations
 from cvxlimit.plotting.contents import Drawing
+from cvxlimit.plotting.style import Style
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,6 @@ class Paper:
         Size of a scene below which lines are drawn finer.
     wide : float
         Width from which a colour bar stands beside the scene and not below it.
-    tick : float
-        Length of tick marks.
     least : float
         Smallest letters, in points, unless ``font.size`` is smaller.
     key_room : float
@@ -63,7 +62,6 @@ class Paper:
     scale_room: float = 0.2
     fine: float = 5.5
     wide: float = 5.0
-    tick: float = 3.5 / 72.0
     least: float = 7.0
     key_room: float = 3.2
     dpi: int = 150
@@ -246,10 +244,6 @@ def fitted(points: FloatArray, words: Sequence[Word], room: FloatArray) -> Fit:
     return Fit(scale, low / scale, size)
 
 
-GLASS_LINE = "#a9adb4"
-"""Edges of blocks that lines and coloured joints are seen through."""
-
-
 def contents_keys(drawing: Drawing) -> Iterator[Artist]:
     """Yields the legend's entries about the scene and its answer."""
     marking, moves = drawing.marking, drawing.moving.moves
@@ -262,31 +256,31 @@ def contents_keys(drawing: Drawing) -> Iterator[Artist]:
     if drawing.lines is not None:
         yield Line2D([], [], color=drawing.lines.colour, lw=2.2, label=drawing.lines.label)
     if drawing.dots is not None:
-        yield _ring("pressure centre", ms=4.5, mfc=look.CENTRE_COLOUR, mec="white")
+        yield _ring("pressure centre", ms=4.5, mfc=Style.centre, mec="white")
     for colour, label in drawing.keys:
         yield Patch(color=colour, label=label)
     kinds = Counter((shape.label, shape.colour) for shape in drawing.shapes)
     for (label, colour), count in kinds.items():
         yield Patch(color=colour, label=f"{label} ({count})")
     if moves:
-        yield Patch(facecolor="#e9ebee", edgecolor="#9aa0ab", label="undeformed")
+        yield Patch(facecolor=Style.ghost_key[0], edgecolor=Style.ghost_key[1], label="undeformed")
     elif drawing.glass:
-        yield Patch(facecolor="white", edgecolor=GLASS_LINE, label=drawing.blocks)
+        yield Patch(facecolor="white", edgecolor=Style.glass, label=drawing.blocks)
     else:
-        stone = look.STONE_COLOUR if drawing.colours is None else look.PALE
-        yield Patch(facecolor=stone, edgecolor=GLASS_LINE, lw=0.5, label=drawing.blocks)
-    yield Patch(color=look.SUPPORT_COLOUR, label="support")
+        stone = Style.stone if drawing.colours is None else Style.pale
+        yield Patch(facecolor=stone, edgecolor=Style.glass, lw=0.5, label=drawing.blocks)
+    yield Patch(color=Style.support, label="support")
 
 
 def notes_keys(notes: Annotations) -> Iterator[Artist]:
     """Yields the legend's entries about loads, marks and a refusal."""
     if notes.culprits:
-        yield Patch(color=look.CULPRIT_COLOUR, label="refused")
+        yield Patch(color=Style.culprit, label="refused")
     for case in sorted({arrow.case for arrow in notes.arrows}):
         yield Line2D([], [], color=look.CASE_COLOURS[case], lw=2.2, label=f"{case} load")
     if notes.marks:
         label = "where it is wrong" if notes.refusal else f"near miss ({len(notes.marks)})"
-        yield _ring(label, ms=6, mfc="none", mec=look.MARK_COLOUR, mew=1.4)
+        yield _ring(label, ms=6, mfc="none", mec=Style.mark, mew=1.4)
 
 
 def _ring(label: str, **look: Any) -> Line2D:

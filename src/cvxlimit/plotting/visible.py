@@ -15,16 +15,14 @@ import numpy as np
 import shapely
 
 from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
-from cvxlimit.geometry.mesh import cross
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, cross
 from cvxlimit.geometry.overlays import Regions, difference, intersections, union
 
 
 @dataclass(frozen=True)
 class _Rounding:
-    """``edge_on`` is the sine of the angle to the line of sight below which a face is a line.
-    Regions lie on a ``grid`` of so many sizes of the picture, a hundredth of a line's width."""
+    """Regions lie on a ``grid`` of so many sizes of the picture, a hundredth of a line's width."""
 
-    edge_on: float = 1e-6
     grid: float = 2e-5
 
 
@@ -56,7 +54,7 @@ class Faces:
         for i, polygon in enumerate(self.corners):
             spokes = polygon[1:] - polygon[0]
             normal = cross(spokes[:-1], spokes[1:]).sum(axis=0)
-            if abs(normal[2]) > _ROUNDING.edge_on * np.linalg.norm(normal):
+            if abs(normal[2]) > RELATIVE_TOLERANCE * np.linalg.norm(normal):
                 slope = -normal[:2] / normal[2]
                 middle = polygon.mean(axis=0)
                 result[i] = *slope, middle[2] - slope @ middle[:2]

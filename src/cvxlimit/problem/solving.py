@@ -20,7 +20,6 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.limits import smallest_conflict
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.problem.own_limits import OwnCertifier
-from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, asked_ladder
@@ -206,8 +205,7 @@ def _solved(
     ladder: Sequence[SolverSettings] | None = None, verbose: bool = False,
 ) -> tuple[Solution, Answer]:  # fmt: skip
     """The solution, and the answer that it was made of."""
-    problem.shared = given.repeats or problem.shared or Repeats()
-    given = replace(given, repeats=problem.shared)
+    given = replace(given, strengths=problem.strengths)
     run = Run(
         given, problem.surfaces, formulation=problem.formulation, ladder=ladder, verbose=verbose,
         model="full",

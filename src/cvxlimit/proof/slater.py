@@ -12,9 +12,9 @@ the corners of contacts, shear and torsion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -57,8 +57,6 @@ class _Settings:
     patience: int = 8
     """The first attempt ends where so many iterations leave more than half of what was missing: on
     a flying buttress, whose stones do not come to rest by projections, a solver needs no longer."""
-    most_states: int = 100
-    """States kept for scenes of one geometry: each takes 50 kB with 1,000 contacts."""
 
 
 _SETTINGS = _Settings()
@@ -153,26 +151,8 @@ class Witnesses:
                 few = _SETTINGS.least_iterations + len(self.statics.contacts) // 4
                 iterations, patience = min(iterations, few), _SETTINGS.patience
             self._attempts_made += 1
-            self._dead_state = self._cached(
-                ("dead state", share, iterations, self.statics.dead.tobytes()),
-                partial(self._find_dead_state, share, iterations, patience),
-            )
+            self._dead_state = self._find_dead_state(share, iterations, patience)
         return self._dead_state
-
-    def _cached(
-        self, what: tuple[object, ...], find: Callable[[], FloatArray | None]
-    ) -> FloatArray | None:
-        """Returns the state that ``find`` returns, or an earlier one of the same geometry, loads
-        and strengths."""
-        states = getattr(self.assemblage.repeats, "states", None)
-        if states is None or self.strength.about is None:
-            return find()
-        key = what, self.strength.about
-        if key not in states:
-            if len(states) >= _SETTINGS.most_states:
-                states.clear()
-            states[key] = find()
-        return states[key]
 
     def _find_dead_state(self, share: float, iterations: int, patience: int) -> FloatArray | None:
         """Returns contact forces (n, 6) of a dead state with at least a ``share`` of the fair
@@ -304,11 +284,8 @@ class Witnesses:
         or None: where contacts hold each other in self-stress there is no such field."""
         if not self._can_project:
             return None
-        return self._cached(("opening field",), self._find_opening_field)
-
-    def _find_opening_field(self) -> FloatArray | None:
-        """Returns block rates from projections of rates of internal forces (p,), in turn: onto
-        those that block rates make, by least squares, and onto those that open every contact."""
+        # Projections of rates of internal forces (p,), in turn: onto those that block rates make,
+        # by least squares, and onto those that open every contact.
         matrix, weights = self._balance.matrix, self._balance.weights
         target = np.where(self._balance.model.nonneg, 1.0, 0.0)
         for _ in range(_SETTINGS.opening_iterations):

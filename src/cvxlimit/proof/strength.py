@@ -6,10 +6,10 @@ compression; relative rates (n, 6) are conjugate to them column by column.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -21,7 +21,7 @@ from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.crushing import EffectiveRectangles, recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
 from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
-from cvxlimit.model.statics import Statics
+from cvxlimit.model.statics import SMALLEST, Statics
 from cvxlimit.surfaces.base import (
     Condition,
     Recession,
@@ -38,10 +38,6 @@ from cvxlimit.surfaces.coulomb import Rocking, strength_key, with_bounds
 NOTHING = 1e-300
 """Reserve of a condition that has no resistance, in a state without the forces that it limits: next
 to nothing, but inside."""
-
-
-_HUGE = 1e100
-"""Forces and rates beyond this are refused like infinite ones: their products overflow."""
 
 
 class Flow(Protocol):
@@ -106,34 +102,24 @@ class Strength:
             vars(result).pop(name, None)
         return result
 
-    @cached_property
-    def about(self) -> Hashable | None:
-        """A key of everything that the strength follows from; see
-        :func:`~cvxlimit.surfaces.coulomb.strength_key`."""
-        return strength_key(self.surfaces, self.contacts)
-
     @classmethod
     def shared(
         cls, assemblage: Assemblage, surfaces: Sequence[YieldSurface], formulation: Formulation
     ) -> Strength:
-        """Returns the strength that the constructor makes, with what follows from contacts and
-        surfaces alone computed once for all scenes of a sweep that have the same."""
-        create, contacts = partial(cls, assemblage, surfaces, formulation), assemblage.contacts
-        if assemblage.repeats is None or formulation is not corner_compressions:
-            return create()
-        if (about := strength_key(surfaces, contacts)) is None:
-            return create()
-
-        def create_complete() -> Strength:
-            strength = create()
+        """Returns the strength that the constructor makes; what follows from contacts and surfaces
+        alone is that of the last scene of this geometry, if its strengths were the same."""
+        contacts = assemblage.contacts
+        about = strength_key(surfaces, contacts) if formulation is corner_compressions else None
+        last = assemblage.strengths.get(about)
+        if last is None or not contacts.is_in_place_of(last.contacts):
+            last = cls(assemblage, surfaces, formulation)
+            if about is None:
+                return last
             # cached properties are computed here, so that copies have them
-            _ = (
-                strength.rows, strength.rate_sizes, strength.is_cone, strength._unresisted,
-                strength.about,
-            )  # fmt: skip
-            return strength
-
-        result = copy(assemblage.repeats.shared(("strength", about), contacts, create_complete))
+            _ = last.rows, last.rate_sizes, last.is_cone, last._unresisted
+            assemblage.strengths.clear()
+            assemblage.strengths[about] = last
+        result = copy(last)
         result.assemblage = assemblage
         return result
 
@@ -277,4 +263,5 @@ def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | Non
             f"the scene has {shape[0]} {what}(s), so an array {shape} is needed, "
             f"got shape {array.shape}: does it belong to another scene?"
         )
-    return array if np.abs(array).max(initial=0.0) <= _HUGE else None
+    # products of larger ones overflow, as squares of the smallest loads underflow
+    return array if np.abs(array).max(initial=0.0) <= 1.0 / SMALLEST else None

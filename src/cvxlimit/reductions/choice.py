@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.base.checks import meant, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COMPONENTS
@@ -29,7 +29,7 @@ from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.mirror import Mirror, find_mirror
 from cvxlimit.reductions.planar import InPlane, Plane, find_plane
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solvers import SOLVERS, Shape
+from cvxlimit.solvers import Shape
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import SurfaceName, needed_surfaces, surfaces_of
 
@@ -39,10 +39,6 @@ MODELS: tuple[str, ...] = get_args(ModelName)
 
 _LEAST_MIRRORED = 150
 """Contacts from which one half of a symmetric scene pays, for what finding it costs."""
-
-_FLAT = 1e-12
-"""Squares of components across a plane, over those within, up to which a scene may be planar: far
-above rounding, which :func:`find_plane` judges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +79,7 @@ class Reductions:
         for vectors in (statics.contacts.axes[:, 2], dead, live):
             spread += vectors.T @ vectors / (vectors**2).max(initial=1e-300)
         least, _, most = np.linalg.eigvalsh(spread)
-        plane = find_plane(statics, surfaces) if least <= _FLAT * most else None
+        plane = find_plane(statics, surfaces) if least <= ROUNDING * most else None
         # a mirror costs time to find
         mirror = None
         if model == "least" or len(statics.contacts) >= _LEAST_MIRRORED:
@@ -214,7 +210,6 @@ PACES: Mapping[str, tuple[float, float]] = MappingProxyType(
         "fixed-point": (2.5e-4, 1.85),
         "certified": (5e-2, 1.0),
         "zero-dilatancy": (3e-3, 1.3),
-        "gilbert": (4e-6, 2.0),
     }
 )
 """CPU seconds by method: the first times contacts to the power of the second, within a factor of
@@ -357,7 +352,7 @@ def explain(
     *_, last = problems.values()
     sizes = {name: problem.shape for name, problem in problems.items()}
     first = last.ladder(tolerance)[0]
-    pace, growth = SOLVERS[first.name].pace
+    pace, growth = first.row.pace
     size = len(scene.contacts), found.plane is not None
     return Explanation(
         scene.name,

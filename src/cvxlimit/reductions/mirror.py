@@ -20,15 +20,10 @@ from scipy.spatial import cKDTree
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
-from cvxlimit.model.statics import DOF, Statics
+from cvxlimit.model.statics import BALANCED, DOF, Statics
 from cvxlimit.surfaces.base import CONSTANT, Condition, LinearForm, YieldSurface, stated
 from cvxlimit.surfaces.cones import Cone, Conic, Facets
 from cvxlimit.surfaces.coulomb import Bounds, Rocking
-
-_SAME = 1e-11
-"""Distance over the size of the scene, and difference of loads and coefficients over the largest,
-put down to rounding: built-in scenes with a mirror plane, turned at random, stay below 1e-14 and
-3e-13; a friction coefficient that was changed on purpose differs by far more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +80,7 @@ def find_mirror(
     free = statics.centroids[statics.row_of_block >= 0]
     size = statics.contacts.extent
     for normal in _candidates(statics, free):
-        if across is not None and abs(normal @ across) > _SAME:
+        if across is not None and abs(normal @ across) > BALANCED:
             continue
         mirror = _mirror(statics, normal, free, size)
         if mirror is not None and is_invariant(
@@ -113,12 +108,12 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
     if any(_is_across(load, normal, size) for load in loads):
         return None
     offset = 2.0 * float((free @ normal).mean()) * normal
-    near = _SAME * size
+    near = BALANCED * size
     if _is_askew(free, normal, size):
         return None
     blocks = _partners(free, free @ turn + offset, near)
     if blocks is None or not all(
-        are_loads_alike(load[blocks], load @ reflection, size, _SAME) for load in loads
+        are_loads_alike(load[blocks], load @ reflection, size, BALANCED) for load in loads
     ):
         return None
     contacts = statics.contacts
@@ -127,7 +122,7 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
         return None
     local = contacts.axes[partner] @ turn @ np.swapaxes(contacts.axes, 1, 2)
     side = local[:, 2, 2]
-    if np.abs(np.abs(side) - 1.0).max() > _SAME or not _same_blocks(
+    if np.abs(np.abs(side) - 1.0).max() > BALANCED or not _same_blocks(
         statics, blocks, partner, side > 0.0
     ):
         return None
@@ -147,7 +142,7 @@ def _is_across(load: FloatArray, normal: FloatArray, size: float) -> bool:
     before partners are sought."""
     largest = np.abs(load / np.repeat([1.0, size], 3)).max(initial=0.0)
     across = abs(float(load[:, :3].sum(axis=0) @ normal))
-    return bool(across > len(load) * _SAME * largest)
+    return bool(across > len(load) * BALANCED * largest)
 
 
 def _is_askew(places: FloatArray, normal: FloatArray, size: float) -> bool:
@@ -158,7 +153,7 @@ def _is_askew(places: FloatArray, normal: FloatArray, size: float) -> bool:
     mixed = heights @ (centred - heights[:, None] * normal) / len(places)
     # partners may be off by that share of the size, in height as well as along the plane
     arm = float(np.abs(centred).max(initial=0.0))
-    return bool(np.abs(mixed).max() > 10.0 * _SAME * size * arm)
+    return bool(np.abs(mixed).max() > 10.0 * BALANCED * size * arm)
 
 
 def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:
@@ -264,14 +259,14 @@ def _images(rows: FloatArray, partner: IntArray, carried: FloatArray) -> FloatAr
 
 def _same(one: FloatArray, other: FloatArray) -> bool:
     size = max(np.abs(one).max(initial=0.0), np.abs(other).max(initial=0.0))
-    return bool(np.abs(one - other).max(initial=0.0) <= _SAME * size)
+    return bool(np.abs(one - other).max(initial=0.0) <= BALANCED * size)
 
 
 def _same_size(rows: FloatArray, images: FloatArray, cone: Cone) -> bool:
     if rows.shape[1] == 1:
         size = np.abs(rows).max(initial=0.0)
         apart = np.minimum(np.abs(rows - images).max(axis=2), np.abs(rows + images).max(axis=2))
-        return bool(apart.max(initial=0.0) <= _SAME * size)
+        return bool(apart.max(initial=0.0) <= BALANCED * size)
     if isinstance(cone, Conic):
         one, other = (np.einsum("nki,nkj->nij", r, r) for r in (rows, images))
         return _same(one, other)

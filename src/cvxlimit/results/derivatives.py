@@ -329,9 +329,6 @@ def _by_shape(load: Load, block: Block, rates: FloatArray) -> FloatArray:
     return result
 
 
-_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
 def by_loads(proof: Proof, factor: float) -> list[ByLoad]:
     """Returns the derivatives by every number that the dead and the live load are given by."""
     scene, found = proof.scene, list[ByLoad]()
@@ -367,14 +364,16 @@ def by_loads(proof: Proof, factor: float) -> list[ByLoad]:
             )
             units = [replace(none, pressure=1.0)]
             if q.at is not None:
-                units += [replace(none, gradient=axis) for axis in _AXES]
+                units += [replace(none, gradient=tuple(axis)) for axis in np.eye(3).tolist()]
             names = "pressure gradient.x gradient.y gradient.z" if q.at is not None else "pressure"
             slopes = [
                 Load(pressures=[u]).on(at_one)[0] @ proof.rates[place[q.block]] for u in units
             ]
             add("pressures", q.block, names, [q.pressure, *q.gradient][: len(units)], slopes)
         for g in load.growing:
-            one_g = [Load(growing=[replace(g, acceleration=axis)]) for axis in _AXES]
+            one_g = [
+                Load(growing=[replace(g, acceleration=tuple(axis))]) for axis in np.eye(3).tolist()
+            ]
             slopes = [
                 float((unit.per_weight(scene.blocks)[scene.free] * own).sum()) for unit in one_g
             ]

@@ -10,15 +10,12 @@ from numpy.typing import ArrayLike
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.checks import positive
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.mesh import fan
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, fan
 from cvxlimit.scene.bare_faces import bare, chosen, faces_of, upwards
 from cvxlimit.scene.pressures import pressed
 from cvxlimit.scene.reactions import Reaction
 from cvxlimit.scene.scene import Scene
 from cvxlimit.scene.surroundings import horizontal
-
-FACED = 1e-6
-"""Distance, as a share of a block's size, beyond which a block faces another: nearer is itself."""
 
 BESIDE = 1e-3
 """Distance from a face, as a share of a block's thickness, at which soil beside it begins."""
@@ -134,7 +131,7 @@ def _faced(
     a, b = np.einsum("ij,ij->i", off, across) / size, turned @ way / size
     distance = np.einsum("ij,ij->i", v, turned) / size
     hits = (a >= 0.0) & (b >= 0.0) & (a + b <= 1.0)
-    hits &= distance > FACED * float(np.ptp(triangles[~others]))
+    hits &= distance > RELATIVE_TOLERANCE * float(np.ptp(triangles[~others]))
     if not hits.any():
         return None
     return int(owner[others][hits][distance[hits].argmin()])

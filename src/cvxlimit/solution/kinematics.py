@@ -12,7 +12,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import rounded, rounded_down
 
-VISIBLE = 0.01
+VISIBLE = SMALL
 """Contact rates below this fraction of the largest corner speed are not counted as movement, nor
 marked: at the drawn scale they come to a thousandth of the structure's size, one pixel of the
 picture. The flow-rule error of a certified mechanism is orders of magnitude smaller."""

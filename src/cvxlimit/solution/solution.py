@@ -65,7 +65,7 @@ class Solution:
     torsion_shear : str
         ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``.
     flow : str
-        ``"associated"``, ``"zero-dilatancy"`` or ``"gilbert"``.
+        ``"associated"`` or ``"zero-dilatancy"``.
     members : tuple of Member
         All solutions found, lowest first, where the answer is a set: zero dilatancy.
     searches : tuple of Search

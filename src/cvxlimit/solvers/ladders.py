@@ -57,8 +57,6 @@ class LadderNumbers:
     steps: float = 5e-6  # Tolerance of safe steps by the solver that starts warm, ...
     steps_from: int = 200  # ... which comes first from so many contacts on.
     enough: float = 1 / 3  # Gap of the blockwise solver, over the width of the bracket asked for.
-    # QOCO's first tolerance for repeated problems, over the width of the bracket asked for.
-    loose: float = 0.05
     tiny: int = 100  # Variables up to which Clarabel comes first in any case.
 
 
@@ -245,13 +243,12 @@ class Shape:
         return "facets" if self.rows >= 1.5 * self.variables else "lean"
 
 
-def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = False) -> Ladder:
+def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
     """Returns the ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
 
     The blockwise solver comes first from as many variables on as it was measured to be faster,
     third elsewhere; there QOCO leads, if it is installed. ``tolerance`` is the width of the bracket
-    that is asked for: with cones QOCO often fails below 1e-6. Of many problems of one scene it
-    starts no tighter than it has to.
+    that is asked for: with cones QOCO often fails below 1e-6.
     """
     # Large problems: the blockwise solver first.
     first, *others = default_ladder(shape.cones > 0)
@@ -271,7 +268,4 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5, is_repeated: bool = Fals
         return (first, settings_for("QOCO", lean), *own, *others)
     refined: dict[str, Any] = {"ir_tol": NUMBERS.finest, "max_ir_iters": NUMBERS.refinements}
     quick = settings_for("QOCO", lean, **refined)
-    loose = max(NUMBERS.loose * tolerance, NUMBERS.node)
-    is_loose = is_repeated and shape.cones > 0 and loose > NUMBERS.node
-    before = (settings_for("QOCO", loose, **refined),) if is_loose else ()
-    return (*before, quick, first, *own, *others)
+    return (quick, first, *own, *others)

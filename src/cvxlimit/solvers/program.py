@@ -70,14 +70,6 @@ class ConeProgram:
         matrices = data[keys.C], data[keys.A], data[keys.B]
         return cls(*matrices, dims.zero, dims.nonneg, tuple(dims.soc))
 
-    def is_like(self, other: ConeProgram) -> bool:
-        """Returns True if another program has its entries in the same places."""
-        one, two = self.matrix, other.matrix
-        sizes = (self.zero, self.nonneg, self.cones, one.shape)
-        return sizes == (other.zero, other.nonneg, other.cones, two.shape) and bool(
-            np.array_equal(one.indptr, two.indptr) and np.array_equal(one.indices, two.indices)
-        )
-
     def under(self, dead: FloatArray, live: FloatArray) -> ConeProgram:
         """Returns the program with the same conditions under other loads: the right-hand side of
         the equations is minus ``dead`` (zero,), and their last column is ``live`` (zero,)."""

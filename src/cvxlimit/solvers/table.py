@@ -26,15 +26,13 @@ class Solver:
 
     Attributes
     ----------
-    licence, comes_with : str
-        As it matters to those who install it, and what brings it.
+    comes_with : str
+        What brings it.
     tolerances : tuple of str
         Options that hold its tolerances; empty if it has none that CVXPY passes on. On the ladder
         they are ``tight``, beside further ``options``.
     iterations : str
         Option that holds the most iterations it may take.
-    has_cones : bool
-        False if it solves linear problems only.
     is_tried : bool
         True if it is on the default ladder, below Clarabel, where it is installed.
     starts_warm : bool
@@ -55,13 +53,11 @@ class Solver:
     """
 
     name: str
-    licence: str = ""
-    comes_with: str = ""
+    comes_with: str = "a package of its own"
     tolerances: tuple[str, ...] = ()
     tight: float = 1e-9
     options: Mapping[str, Any] = field(default_factory=dict)
     iterations: str = "max_iter"
-    has_cones: bool = True
     is_tried: bool = False
     starts_warm: bool = False
     takes_matrices: bool = False
@@ -71,48 +67,47 @@ class Solver:
     plug_in: type[ConicSolver] | None = None
     lacks: str = ""
 
+    @property
+    def has_cones(self) -> bool:
+        """False if its interface to CVXPY takes no second-order cones."""
+        interface = self.plug_in or SOLVER_MAP_CONIC.get(self.name)
+        if interface is None:
+            return self.name not in SOLVER_MAP_QP
+        return cp.SOC in interface.SUPPORTED_CONSTRAINTS
 
-_CORE = "cvxlimit"
-_FAST = "cvxlimit[fast]"
-_ALONE = "a package of its own"
+
 _CLARABEL = ("tol_gap_abs", "tol_gap_rel", "tol_feas")
 _OWN_LDL = {"direct_solve_method": "qdldl", "max_iter": 200}
 
 _ROWS = (
     # Clarabel's own LDL is 2 to 8 times as fast on block assemblages as its default (faer). Looser
     # tolerances save little and cost the bracket (docs/evidence/solvers.md).
-    Solver("CLARABEL", "Apache-2.0", _CORE, _CLARABEL, 1e-11, _OWN_LDL, takes_matrices=True),
-    Solver("RESCALED", "MIT", _CORE, _CLARABEL, 1e-12, _OWN_LDL, distribution="clarabel",
+    Solver("CLARABEL", "cvxlimit", _CLARABEL, 1e-11, _OWN_LDL, takes_matrices=True),
+    Solver("RESCALED", "cvxlimit", _CLARABEL, 1e-12, _OWN_LDL, distribution="clarabel",
            takes_matrices=True, plug_in=Rescaled),
     # At tolerances below 1e-8 its brackets are no narrower.
-    Solver("QOCO", "BSD-3-Clause", _FAST, ("abstol", "reltol"), 1e-8, iterations="max_iters",
+    Solver("QOCO", "cvxlimit[fast]", ("abstol", "reltol"), 1e-8, iterations="max_iters",
            takes_matrices=True, splits_equations=True, pace=(1.8e-7, 1.6)),
-    Solver("MOSEK", "commercial", _ALONE, ("eps",), is_tried=True),
-    Solver("GUROBI", "commercial", _ALONE, ("BarConvTol", "BarQCPConvTol"), is_tried=True,
+    Solver("MOSEK", tolerances=("eps",), is_tried=True),
+    Solver("GUROBI", tolerances=("BarConvTol", "BarQCPConvTol"), is_tried=True,
            distribution="gurobipy"),
-    Solver("ECOS", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol"), 1e-10, {"max_iters": 300},
-           "max_iters", is_tried=True, takes_matrices=True, splits_equations=True),
-    Solver("HIGHS", "MIT", _CORE, ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
-           1e-9, {"time_limit": 60.0}, has_cones=False, is_tried=True, distribution="highspy"),
+    Solver("ECOS", tolerances=("abstol", "reltol", "feastol"), tight=1e-10,
+           options={"max_iters": 300}, iterations="max_iters", is_tried=True, takes_matrices=True,
+           splits_equations=True),
+    Solver("HIGHS", "cvxlimit", ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
+           options={"time_limit": 60.0}, is_tried=True, distribution="highspy"),
     # Iterations alone are no budget: 100,000 take more than eight minutes on 1,906 contacts with
     # interaction, and an answer this late has not been seen to be of use.
-    Solver("SCS", "MIT", _CORE, ("eps_abs", "eps_rel"), 1e-9,
-           {"max_iters": 100_000, "time_limit_secs": 60.0}, "max_iters", is_tried=True,
-           takes_matrices=True),
-    Solver("MOREAU", "Apache-2.0", _ALONE),
-    Solver("COPT", "commercial", _ALONE, distribution="coptpy"),
-    Solver("XPRESS", "commercial", _ALONE),
-    Solver("CUCLARABEL", "Apache-2.0", _ALONE),
-    Solver("CUOPT", "Apache-2.0", _ALONE, ("optimality",)),  # of cones CVXPY gets no duals
-    Solver("CVXOPT", "GPL-3.0", _ALONE, ("abstol", "reltol", "feastol")),
-    Solver("GLPK", "GPL-3.0", _ALONE, has_cones=False, distribution="cvxopt"),
-    Solver("GLPK_MI", "GPL-3.0", _ALONE, has_cones=False, distribution="cvxopt"),
-    Solver("GLOP", "Apache-2.0", _ALONE, has_cones=False, distribution="ortools"),
-    Solver("PDLP", "Apache-2.0", _ALONE, has_cones=False, distribution="ortools"),
-    Solver("CBC", "EPL-2.0", _ALONE, has_cones=False),
-    Solver("SCIP", "Apache-2.0", _ALONE, distribution="pyscipopt"),
-    Solver("SCIPY", "BSD-3-Clause", _CORE, has_cones=False),
-    Solver("OSQP", "Apache-2.0", _CORE, has_cones=False),
+    Solver("SCS", "cvxlimit", ("eps_abs", "eps_rel"),
+           options={"max_iters": 100_000, "time_limit_secs": 60.0}, iterations="max_iters",
+           is_tried=True, takes_matrices=True),
+    Solver("CVXOPT", tolerances=("abstol", "reltol", "feastol")),
+    Solver("CUOPT", tolerances=("optimality",)),  # of cones CVXPY gets no duals
+    # Of others CVXPY knows all but what they are installed as.
+    *(Solver(name, distribution=brings) for brings, names in {
+        "coptpy": ["COPT"], "cvxopt": ["GLPK", "GLPK_MI"], "ortools": ["GLOP", "PDLP"],
+        "pyscipopt": ["SCIP"],
+    }.items() for name in names),
 )  # fmt: skip
 
 SOLVERS: Mapping[str, Solver] = Door("cvxlimit.solvers", {row.name: row for row in _ROWS})
@@ -143,7 +138,7 @@ class SolverSettings:
 
     @property
     def row(self) -> Solver:
-        """The solver's row in the table; one without a row is taken to have cones."""
+        """The solver's row in the table; one without a row has CVXPY's settings."""
         row = SOLVERS.get(self.name) if self.plug_in is None else None
         return row or Solver(self.name, plug_in=self.plug_in)
 
@@ -184,8 +179,7 @@ def check_installed(settings: SolverSettings) -> None:
     if row.plug_in is None and name not in installed():
         known = sorted({*SOLVERS, *SOLVER_MAP_CONIC, *SOLVER_MAP_QP})
         if name in known:
-            source = f"it comes with {row.comes_with or _ALONE}"
-            raise ModelError(f"solver {name} is not installed; {source}")
+            raise ModelError(f"solver {name} is not installed; it comes with {row.comes_with}")
         near, here = " or ".join(get_close_matches(name.upper(), known, 3, 0.7)), ", ".join(able())
         hint = f"did you mean {near}?" if near else f"installed are {here}"
         raise ModelError(f"there is no solver {name!r}; {hint}")

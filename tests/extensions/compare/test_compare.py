@@ -440,7 +440,7 @@ class TestPhysics:
         """A block of b/h = 0.4: it tips about its edge, or about its crushed toe at
         (b - W / (f l)) / h with strength f; with mortar it takes more."""
         scene = builtin_scene("single-block")
-        names = ("linear", "parabolic", "exact", "without-ties", "zero-dilatancy", "gilbert")
+        names = ("linear", "parabolic", "exact", "without-ties", "zero-dilatancy")
         chosen = choose([*names, "crushing/*", "mortar"], list(registry().values()))
         rows = {model.name: model.measure(scene) for model in chosen}
         for name in names:

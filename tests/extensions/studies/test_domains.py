@@ -419,7 +419,7 @@ def test_progress_shows_the_gap() -> None:
         ([X], {}, "two or three loads, got 1"),
         ([X, "y"], {}, "load 2 must be a Load, got 'y'"),
         ([Load(), Load()], {}, "live load is zero everywhere"),
-        (None, {"method": "gilbert"}, "method must be one of convex, exact"),
+        (None, {"method": "fixed-point"}, "method must be one of convex, exact"),
         (None, {"surface": "heptagram"}, "heptagram"),
         (None, {"model": "half"}, "model must be one of auto, full, least, got 'half'"),
     ],

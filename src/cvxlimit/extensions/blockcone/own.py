@@ -173,7 +173,7 @@ def _checked(options: _Named) -> _Named:
 
 
 ROW = Solver(
-    "BLOCKWISE", "MIT", "cvxlimit", ("tolerance",), 1e-11, pace=(9.4e-7, 1.3), starts_warm=True,
+    "BLOCKWISE", "cvxlimit", ("tolerance",), 1e-11, pace=(9.4e-7, 1.3), starts_warm=True,
     takes_matrices=True, plug_in=Blockwise,
     lacks="" if INTERIOR is not None else "it needs a C compiler at installation",
 )  # fmt: skip

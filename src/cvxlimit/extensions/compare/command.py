@@ -11,11 +11,10 @@ from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, option
-from cvxlimit.cli.report import ExitCode, check_outputs, refuse, show
+from cvxlimit.cli.report import ExitCode, files_asked, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.compare.comparison import Comparison, compare
-from cvxlimit.masonry import BUILTIN
 from cvxlimit.plotting.look import IMAGES
 
 
@@ -45,8 +44,7 @@ class Contest:
 @command_of(Contest)
 def compare_command(asked: Contest) -> ExitCode:
     """Measure time and true error of several models on one scene, in turns."""
-    inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
-    check_outputs({"--csv": asked.csv, "--plot": asked.plot}, inputs, plot=IMAGES)
+    files_asked(asked, "csv", plot=IMAGES)
     names = [name.strip() for text in asked.models or () for name in text.split(",")]
 
     try:

@@ -116,7 +116,6 @@ def _other_physics() -> Iterator[Model]:
     yield Model("mortar", "mortar", change=mortar)
     yield Model("without-ties", "without ties", change=untied)
     yield Model("zero-dilatancy", "zero dilatancy", method="zero-dilatancy", tolerance=1e-4)
-    yield Model("gilbert", "Gilbert's scheme", method="gilbert", tolerance=1e-3)
 
 
 def strengthened(scene: Scene, **strengths: float) -> Scene:

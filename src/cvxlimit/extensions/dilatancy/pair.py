@@ -64,7 +64,7 @@ class Priced:
 
 ETA, WEIGHT = 0.01, 0.6
 """How far Gilbert's cones are rotated beyond the vertical, and the weight of new compressions in
-those that they are rotated about, as published (:mod:`.gilbert`)."""
+those that they are rotated about, as published (Gilbert, Casapulla and Ahmed 2006)."""
 
 ROTATIONS = 30
 """Of his iterates from one start: 24 to 29 settle on two rings of 8 to 24 voussoirs."""
@@ -182,7 +182,7 @@ class Pair:
     def rotated(self, state: LimitState | None, most: int, change: float) -> LimitState | None:
         """Takes Gilbert's iterates from a state, and returns the last: ``most`` of them, or until
         the load factor changes by no more than that share. Cones are rotated about compressions
-        that follow the problem's own, damped (:mod:`.gilbert`). Returns None without a state, or if
+        that follow the problem's own, damped. Returns None without a state, or if
         a solve fails."""
         if state is None:
             return None

@@ -10,15 +10,23 @@ from pathlib import Path
 from rich.table import Table
 from rich.text import Text
 
-from cvxlimit.base.files import write_file
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, named_block, option, vector
-from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
+from cvxlimit.cli.options import (
+    EFFORT,
+    OUTPUT,
+    argument,
+    command_of,
+    control_option,
+    named_block,
+    option,
+    rows_option,
+    vector,
+)
+from cvxlimit.cli.report import ExitCode, facts, files_asked, refuse, show, write_rows
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.dynamics.record import Record, pulse, read_record
 from cvxlimit.extensions.dynamics.shaking import Shaking, shake
-from cvxlimit.masonry import BUILTIN
 from cvxlimit.plotting.look import IMAGES
 
 _KINDS = dict.fromkeys(IMAGES, "curve") | {".gif": "film", ".mp4": "film"}
@@ -46,14 +54,12 @@ class Shaken:
     direction: str | None = option(
         "X,Y,Z", "Along which the ground accelerates; unless given, against the live load."
     )
-    control: str | None = option(
-        "BLOCK:X,Y,Z", "Block and direction whose displacement is told; unless given, the largest."
-    )
+    control: str | None = control_option("the largest")
     after: float | None = option(
         "S", "Seconds after the record in which blocks may come to rest.", group=EFFORT
     )
     step: float | None = option("S", "The longer step; the other has half of it.", group=EFFORT)
-    csv: Path | None = option("OUT", "Write a row per time and run.", group=OUTPUT)
+    csv: Path | None = rows_option("per time and run")
     plot: Path | None = option(
         "OUT.png|.gif", "Draw displacement over time (.svg, .pdf as well), or a film (.mp4 as "
         "well).", group=OUTPUT,
@@ -69,11 +75,8 @@ class Shaken:
 def shake_command(asked: Shaken) -> ExitCode:
     """Move a structure in time under a ground acceleration, by MuJoCo: does it fall, how far does
     it go."""
-    inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
-    if asked.record is not None:
-        inputs[str(asked.record)] = "the record"
-    outputs = {"--csv": asked.csv, "--plot": asked.plot, "--frame": asked.frame}
-    check_outputs(outputs, inputs, plot=list(_KINDS), frame=IMAGES)
+    reads = {} if asked.record is None else {str(asked.record): "the record"}
+    written = files_asked(asked, "csv", reads=reads, plot=[*_KINDS], frame=IMAGES)
     record = _record(asked)
     direction = None if asked.direction is None else vector("--direction", asked.direction, "1,0,0")
     control = named_block(asked.control)
@@ -85,13 +88,11 @@ def shake_command(asked: Shaken) -> ExitCode:
         )  # fmt: skip
 
     shaking = interruptible(shaken)
-    if asked.csv is not None:
-        write_file(asked.csv, shaking.to_dataframe().to_csv(index=False).encode("utf-8"))
+    write_rows(asked.csv, shaking.to_dataframe())
     if asked.plot is not None:
         shaking.plot(_KINDS[asked.plot.suffix.lower()], asked.plot)
     if asked.frame is not None:
         shaking.plot("frame", asked.frame)
-    written = [("written", str(file)) for file in outputs.values() if file is not None]
     rows = [
         ("scene", shaking.scene.name),
         ("record", f"{record.name}, largest {record.largest:.4g} m/s2, {record.duration:g} s"),

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from cvxlimit.base.checks import meant
-from cvxlimit.errors import InputError
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
-from cvxlimit.plotting.look import SPEED_STOPS, WAY_TEXT, printable, saved
+from cvxlimit.plotting.look import WAY_TEXT, of_kind, printable
 from cvxlimit.plotting.picture import seen
 from cvxlimit.plotting.pictures.animation import Animation, frames_of
 from cvxlimit.plotting.registry import figures
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import motions_of
-
-_COLOURS = ("#f59e0b", "#8b2fc9", "#2a9d8f", "#134b73")
-"""Of the runs, the best one last."""
 
 _PER_SECOND = 12
 """Frames of a film in each second, which is one of the motion where that is long enough."""
@@ -31,25 +26,20 @@ def draw_shaking(
     shaking: Any, kind: str, file: str | os.PathLike[str] | None, options: dict[str, Any]
 ) -> Any:
     """Draws the picture of that ``kind``; returns it, or the file it is saved to."""
-    kinds: dict[str, Callable[..., Any]] = {"curve": curve, "film": film, "frame": frame}
-    if kind not in kinds:
-        raise InputError(
-            f"motion in time has no picture {kind!r}: choose one of {', '.join(kinds)}"
-            + meant(kind, kinds, before="; ")
-        )
-    picture = kinds[kind](shaking, **options)
-    return picture if file is None else saved(picture, file, options)
+    kinds = {"curve": curve, "film": film, "frame": frame}
+    return of_kind("motion in time", kinds, kind, shaking, file, options)
 
 
 def curve(shaking: Any, **options: Any) -> Any:
     """A figure of displacement over time, with all runs."""
     chart = figures("chart").Chart.of(options, (6.4, 4.4))
     unit = printable(shaking.scene.units.length)
-    for each, colour in zip(shaking.histories, _COLOURS, strict=True):
+    colours = Style.amber, Style.violet, Style.green, Style.blue  # the best run last
+    for each, colour in zip(shaking.histories, colours, strict=True):
         label = f"step {1e3 * each.step:.2g} ms, contacts {1e3 * each.time_constant:.2g} ms"
         width = 2.0 if each is shaking.histories[-1] else 1.0
         chart.axes.plot(each.times, shaking.displacement(each), color=colour, lw=width, label=label)
-    chart.axes.axvspan(0.0, shaking.record.duration, color="#888888", alpha=0.15, lw=0)
+    chart.axes.axvspan(0.0, shaking.record.duration, color=Style.axis, alpha=0.15, lw=0)
     of = "largest of all blocks" if shaking.control is None else f"block {shaking.control[0]!r}"
     label = f"displacement ({unit}), {printable(of)}"
     chart.axes.set(xlabel="time (s), the record shaded", ylabel=label)
@@ -83,7 +73,7 @@ def _drawing(shaking: Any, times: Any, viewer: Viewer) -> tuple[Drawing, Any]:
     return Drawing(
         scene, largest, camera_for(scene, largest, viewer), _title(shaking),
         "blocks as they move, seen from the ground. Nothing here is proved",
-        bar=Bar(SPEED_STOPS, WAY_TEXT),
+        bar=Bar(Style.speed, WAY_TEXT),
     ), motions  # fmt: skip
 
 

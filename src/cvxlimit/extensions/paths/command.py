@@ -14,10 +14,27 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from cvxlimit.base.files import write_file
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, named_block, option
-from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, refuse, show
+from cvxlimit.cli.options import (
+    EFFORT,
+    OUTPUT,
+    argument,
+    command_of,
+    control_option,
+    named_block,
+    option,
+    page_option,
+    rows_option,
+)
+from cvxlimit.cli.report import (
+    ExitCode,
+    counted,
+    facts,
+    files_asked,
+    refuse,
+    show,
+    write_rows,
+)
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.extensions.paths.code_check import code_check
 from cvxlimit.extensions.paths.files import PATH
@@ -50,19 +67,13 @@ class Followed:
     flow: str | None = option(
         "NAME", "Flow rule of sliding joints: associated (default), or zero-dilatancy: none opens."
     )  # fmt: skip
-    control: str | None = option(
-        "BLOCK:X,Y,Z",
-        "Block and direction whose displacement is told; unless given, the mean displacement of "
-        "the live load.",
-    )
+    control: str | None = control_option("the mean displacement of the live load")
     code_check: float | None = option(
         "FC", "Report the displacement check of Circolare 7/2019 with this confidence factor."
     )
     json: Path | None = option("OUT", "Write the path to this JSON file.", group=OUTPUT)
-    csv: Path | None = option("OUT", "Write a row per configuration.", group=OUTPUT)
-    report: Path | None = option(
-        "OUT.html", "Write a page to print and sign, with the path and its check.", group=OUTPUT
-    )
+    csv: Path | None = rows_option("per configuration")
+    report: Path | None = page_option("with the path and its check")
     plot: Path | None = option(
         "OUT.png|.html|.gif",
         "Draw the curve (.svg and .pdf as well), a page with a slider, or a film (.mp4 as well).",
@@ -78,10 +89,7 @@ class Followed:
 def pushover_command(asked: Followed) -> ExitCode:
     """Follow a structure after its collapse factor in finite displacements, with a bracket at every
     configuration."""
-    inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
-    outputs = {"--json": asked.json, "--csv": asked.csv, "--plot": asked.plot}
-    outputs["--report"] = asked.report
-    check_outputs(outputs, inputs, plot=list(_KINDS), report=(".html",))
+    written = files_asked(asked, "json", "csv", plot=[*_KINDS], report=(".html",))
     flow: Any = asked.flow
     control = named_block(asked.control)
 
@@ -92,14 +100,12 @@ def pushover_command(asked: Followed) -> ExitCode:
     path = interruptible(followed)
     if asked.json is not None:
         path.save(asked.json)
-    if asked.csv is not None:
-        write_file(asked.csv, path.to_dataframe().to_csv(index=False).encode("utf-8"))
+    write_rows(asked.csv, path.to_dataframe())
     if asked.plot is not None:
         path.plot(_KINDS[asked.plot.suffix.lower()], asked.plot)
     check = None if asked.code_check is None else code_check(path, asked.code_check)
     if asked.report is not None:
         path.initial.of(path.scene).report(asked.report, path=path, check=check)
-    written = [str(file) for file in outputs.values() if file is not None]
     show(_summary(path, written), Text(), _table(path), Text(one_line(f"{PROVES}")))
     if check is not None:
         show(Text(), Text(str(check)))
@@ -115,7 +121,7 @@ def _begin(name: str) -> Scene | Displacements:
         return PATH.from_dict(document) if is_path else scene_from_dict(document)
 
 
-def _summary(path: Displacements, written: list[str]) -> Table:
+def _summary(path: Displacements, written: list[tuple[str, str]]) -> Table:
     unit, initial = path.scene.units.length, path.initial
     widths = _widths(path)
     return facts(
@@ -133,7 +139,7 @@ def _summary(path: Displacements, written: list[str]) -> Table:
             ("work", "" if path.work is None else f"area {path.work.area:.6g}, potential "
              f"{path.work.potential:.6g} {path.scene.units.force} {unit}"),
             *(("note", note) for note in path.notes),
-            *(("written", file) for file in written),
+            *written,
         ]
     )  # fmt: skip
 

@@ -14,19 +14,16 @@ from collections.abc import Callable
 from typing import Any
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import meant
-from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.path import PROVES, Path
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
-from cvxlimit.plotting.look import DIGITS, SPEED_STOPS, WAY_TEXT, printable, saved
+from cvxlimit.plotting.look import DIGITS, WAY_TEXT, of_kind, printable, saved
 from cvxlimit.plotting.pictures.animation import Animation, frames_of
 from cvxlimit.plotting.pictures.webpage import Page, path_page, sentences
 from cvxlimit.plotting.registry import figures
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, motions_of
 from cvxlimit.solution.bracket import rounded
 
-_LINE, _DROP, _BRACKET, _FINE = "#134b73", "#d62246", "#8b2fc9", "#f59e0b"
-_LIMITS = {"SLV": "#f59e0b", "SLC": "#d62246"}
 _PAUSE = 0.25
 """Seconds that a film shows a configuration for."""
 
@@ -38,13 +35,7 @@ def draw_path(
 ) -> Any:
     """Draws the picture of a path of that ``kind``; returns it, or the file it is saved to."""
     kinds: dict[str, Callable[..., Any]] = {"curve": curve, "film": film, "page": page}
-    if kind not in kinds:
-        raise InputError(
-            f"a path has no picture {kind!r}: choose one of {', '.join(kinds)}"
-            + meant(kind, kinds, before="; ")
-        )
-    picture = kinds[kind](path, **options)
-    return picture if file is None else saved(picture, file, options)
+    return of_kind("a path", kinds, kind, path, file, options)
 
 
 def curve(path: Path, **options: Any) -> Any:
@@ -56,14 +47,14 @@ def curve(path: Path, **options: Any) -> Any:
         label = "with half the step"
         for part in (slice(*piece) for piece in half_step.pieces):
             curve = half_step.displacement[part], half_step.load_factor[part]
-            chart.axes.plot(*curve, color=_FINE, lw=0.9, label=label)
+            chart.axes.plot(*curve, color=Style.amber, lw=0.9, label=label)
             label = "_"
     # Only the first bracket has an entry in the legend: matplotlib leaves out labels like "_".
     label = "bracket of a configuration"
     for x, each in zip(path.displacement, path, strict=True):
         if each.bracket is not None and each.bracket.has_both:
             ends = [each.bracket.lower, each.bracket.upper]
-            chart.axes.plot([x, x], ends, "_-", color=_BRACKET, lw=1.2, ms=9, label=label)
+            chart.axes.plot([x, x], ends, "_-", color=Style.violet, lw=1.2, ms=9, label=label)
             label = "_"
     proved = figures("sheet").lines_of(_PROVED, chart.size("axes.labelsize"), 0.8 * chart.width)
     chart.axes.set(xlabel="\n".join([_control(path), *proved]), ylabel="load factor")
@@ -78,12 +69,14 @@ def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[st
     chart = figures("chart").Chart.of(options, (6.4, 4.4))
     ax, unit = chart.axes, printable(check.units.length)
     _draw_pieces(ax, check.displacement, check.acceleration, check.pieces, "capacity curve")
-    for name, limit in (("SLV", check.slv), ("SLC", check.slc)):
+    for name, limit, colour in (
+        ("SLV", check.slv, Style.amber), ("SLC", check.slc, Style.red)
+    ):  # fmt: skip
         if limit is None:
             continue
         d, a, period = limit.displacement, limit.acceleration, f"T = {limit.period:.3g} s"
-        ax.plot([d, d, 0.0], [0.0, a, a], "--", color=_LIMITS[name], lw=1.0)
-        ax.plot(d, a, "o", color=_LIMITS[name], ms=6, label=f"{name}: d = {d:.3g} {unit}, {period}")
+        ax.plot([d, d, 0.0], [0.0, a, a], "--", color=colour, lw=1.0)
+        ax.plot(d, a, "o", color=colour, ms=6, label=f"{name}: d = {d:.3g} {unit}, {period}")
     ax.set(xlabel=f"spectral displacement ({unit})", ylabel=f"spectral acceleration ({unit}/s²)")
     end = "" if check.refused else f", d0 = {check.d0:.3g} {unit}"
     chart.write(f"{printable(check.scene_name)}: a0* = {check.a0_star:.3g} {unit}/s², "
@@ -99,11 +92,13 @@ def _draw_pieces(
     about the way between."""
     for i, (start, stop) in enumerate(pieces):
         part, name = slice(start, stop), "_" if i else label
-        ax.plot(x[part], y[part], ".-", color=_LINE, lw=1.6, ms=5, label=name)
+        ax.plot(x[part], y[part], ".-", color=Style.blue, lw=1.6, ms=5, label=name)
         if i:
             name = "snap" if i == 1 else "_"
-            ax.plot([x[start]] * 2, [y[start - 1], y[start]], ":", color=_DROP, lw=1.6, label=name)
-    ax.axhline(0.0, color="#888888", lw=0.6, zorder=0)
+            ax.plot(
+                [x[start]] * 2, [y[start - 1], y[start]], ":", color=Style.red, lw=1.6, label=name
+            )
+    ax.axhline(0.0, color=Style.axis, lw=0.6, zorder=0)
     ax.set_xlim(left=min(0.0, float(x.min())))
 
 
@@ -113,7 +108,7 @@ def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
     largest = max(motions, key=lambda motion: motion.largest)
     drawing = Drawing(
         path.scene, largest, camera_for(path.scene, largest, viewer), _title(path),
-        f"blocks as they are displaced. {_PROVED}", bar=Bar(SPEED_STOPS, WAY_TEXT),
+        f"blocks as they are displaced. {_PROVED}", bar=Bar(Style.speed, WAY_TEXT),
     )  # fmt: skip
     texts = [text.replace(" at ", "\nat ") for text in _texts(path)]
     forward = frames_of(drawing, motions, texts, options)

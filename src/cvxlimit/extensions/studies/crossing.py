@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from rich.text import Text
 
-from cvxlimit.base.files import write_file
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import (
     OUTPUT,
@@ -19,14 +18,15 @@ from cvxlimit.cli.options import (
     command_of,
     numbers,
     option,
+    page_option,
+    rows_option,
     surface_option,
     vector,
 )
-from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
+from cvxlimit.cli.report import ExitCode, facts, files_asked, refuse, show, write_rows
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.envelopes import Envelope, Vehicle, envelope
-from cvxlimit.masonry import BUILTIN
 from cvxlimit.plotting.look import IMAGES
 from cvxlimit.scene.resisting import passive
 from cvxlimit.scene.roads import BOUSSINESQ
@@ -54,11 +54,9 @@ class Crossed:
     )
     one_way: bool = option("", "Leave out the way back.", False, "--one-way")
     surface: str = surface_option()
-    csv: Path | None = option("OUT", "Write a row for each position.", group=OUTPUT)
+    csv: Path | None = rows_option("for each position")
     plot: Path | None = option("FILE", "Draw load factors over positions.", group=OUTPUT)
-    report: Path | None = option(
-        "OUT.html", "Write a page to print and sign, of the worst position.", group=OUTPUT
-    )
+    report: Path | None = page_option("of the worst position")
 
     def vehicle(self) -> Vehicle:
         spread: Any = self.spread
@@ -75,9 +73,7 @@ class Crossed:
 )
 def envelope_command(asked: Crossed) -> ExitCode:
     """Find the load factor of a vehicle at each of many positions on a bridge, and the worst."""
-    inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
-    outputs = {"--csv": asked.csv, "--plot": asked.plot, "--report": asked.report}
-    check_outputs(outputs, inputs, plot=IMAGES, report=(".html",))
+    written = files_asked(asked, "csv", plot=IMAGES, report=(".html",))
     vehicle = asked.vehicle()
     first, last, number = numbers("--positions", asked.positions, "-1,12,27")
     if not (number >= 1.0 and number == int(number)):
@@ -97,8 +93,7 @@ def envelope_command(asked: Crossed) -> ExitCode:
 
     found = interruptible(crossed)
     table = found.to_dataframe()
-    if asked.csv is not None:
-        write_file(asked.csv, table.to_csv(index=False).encode("utf-8"))
+    write_rows(asked.csv, table)
     if np.isnan(table["load_factor"]).all():
         return refuse(ExitCode.NO_ANSWER, f"no position has an answer: {found.crossings[0].status}")
     worst, good = found.worst, {str(Status.CERTIFIED), *map(str, _WITHOUT_LIMIT)}
@@ -109,7 +104,6 @@ def envelope_command(asked: Crossed) -> ExitCode:
             raise InputError("--report: any multiple is carried at all positions: nothing to sign")
         worst.solution.report(asked.report, envelope=found)
     shown = table.to_string(index=False, float_format="{:.6g}".format)
-    written = [("written", str(file)) for file in outputs.values() if file is not None]
     show(Text(str(found)), Text(), Text(shown), *([facts(written)] if written else []))
     open_ones = sorted({each.status for each in found.crossings} - good)
     if open_ones:

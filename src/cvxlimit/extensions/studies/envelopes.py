@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.plotting.look import saved
 from cvxlimit.plotting.registry import figures
-from cvxlimit.reductions.repeated import Repeats
+from cvxlimit.plotting.style import Style
 from cvxlimit.scene import Scene, Units
 from cvxlimit.scene.loads import Load, PointForce
 from cvxlimit.scene.roads import BOUSSINESQ, Road
@@ -183,7 +183,10 @@ class Envelope:
         ``options`` are those of all charts: ``size`` in inches, ``title``, ``ax``, ``legend``.
         """
         chart = figures("chart").Chart.of(options, (6.4, 3.8))
-        for is_forward, colour, name in ((True, "#134b73", "forward"), (False, "#b3541e", "back")):
+        for is_forward, colour, name in (
+            (True, Style.blue, "forward"),
+            (False, Style.brown, "back"),
+        ):
             own = [each for each in self.crossings if each.is_forward is is_forward]
             if not own:
                 continue
@@ -195,7 +198,7 @@ class Envelope:
         worst = self.worst
         if np.isfinite(worst.load_factor):
             label = f"least: {rounded(worst.load_factor, 4)}"
-            chart.axes.plot([worst.at], [worst.load_factor], "o", mfc="none", mec="#d62246", ms=9,
+            chart.axes.plot([worst.at], [worst.load_factor], "o", mfc="none", mec=Style.red, ms=9,
                             label=label)  # fmt: skip
         chart.axes.set(
             xlabel=f"first axle at ({self.units.length})", ylabel="load factor on the vehicle"
@@ -269,7 +272,7 @@ def envelope(
             if points:
                 loaded = scene.with_live(Load(points=points))
                 if shared is None:
-                    shared = replace(Assemblage.of(loaded), repeats=Repeats())
+                    shared = Assemblage.of(loaded)
                 solution = solve(shared.like(loaded), **options)
             found.append(Crossing(at, is_forward, lost, solution))
             if progress is not None:

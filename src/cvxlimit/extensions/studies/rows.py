@@ -28,7 +28,6 @@ from cvxlimit.methods.table import TABLE, check_choice
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import MODELS
-from cvxlimit.reductions.repeated import Repeats
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE
@@ -93,7 +92,7 @@ class Structures:
             return scene
         known = self._known.get(scene.geometry)
         if known is None:
-            assemblage = replace(Assemblage.of(scene), repeats=Repeats())
+            assemblage = Assemblage.of(scene)
             _put(self._known, scene.geometry, assemblage)
             return assemblage
         self._known.move_to_end(scene.geometry)

@@ -16,6 +16,7 @@ from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.plotting.pictures.utilisation import idle_keys, joint_areas, used_shares
 from cvxlimit.plotting.registry import picture
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, free_bounds, motion, still
 from cvxlimit.results.utilisation import forces_of, least_used_state
 from cvxlimit.scene import Scene
@@ -60,11 +61,11 @@ def exploded(solution: Solution | Scene, *, gap: float = 0.45, viewer: Viewer = 
         camera_for(scene, shown, viewer),
         look.title(solution) if isinstance(solution, Solution) else scene.name,
         caption,
-        colours=look.block_colours(scene, still(scene), stone=look.PALE),
+        colours=look.block_colours(scene, still(scene), stone=Style.pale),
         decals=[*joint_areas(scene, used, both=True), *_dots(scene, solved, used)],
         keys=idle_keys(used) if solved else [],
         dots=np.empty((0, 3)) if solved else None,
-        bar=Bar(look.USE_STOPS, look.USE_TEXT) if solved else None,
+        bar=Bar(Style.use, look.USE_TEXT) if solved else None,
         has_axes=False,
     )
 
@@ -94,4 +95,4 @@ def _dots(scene: Scene, solution: Solution | None, used: FloatArray) -> Iterator
     for j in np.flatnonzero(np.isfinite(place).all(axis=1) & ~np.isnan(used)).tolist():
         dot = place[j] + radius[j] * ring @ contacts.axes[j, :2]
         for block in (int(contacts.a[j]), int(contacts.b[j])):
-            yield Decal(dot, block, look.CENTRE_COLOUR, lift=2.0)
+            yield Decal(dot, block, Style.centre, lift=2.0)

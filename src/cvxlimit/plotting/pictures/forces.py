@@ -8,16 +8,15 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.geometry.contacts import pressure_centres
-from cvxlimit.plotting.annotations import annotated, loads_to_scale
+from cvxlimit.plotting.annotations import LONGEST, annotated, loads_to_scale
 from cvxlimit.plotting.camera import thin_axis, upright
 from cvxlimit.plotting.contents import Drawing, Lines, Viewer, at_rest
 from cvxlimit.plotting.registry import picture
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import free_size
 from cvxlimit.results.utilisation import forces_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-FORCE_COLOUR, THRUST_COLOUR = "#1b5e9c", "#123f6b"
 
 FAINTEST = 0.02
 """Forces below this share of the largest are not drawn: in a wall in space most joints carry a
@@ -30,11 +29,9 @@ threads around the few lines by which the structure stands."""
 
 @dataclass(frozen=True)
 class _Numbers:
-    """``longest`` is the largest resultant's length over the free blocks' size; ``far`` the opacity
-    of the force farthest from the viewer over the nearest's. A structure is planar whose joints all
-    lie within ``upright`` (sine) of being across one plane."""
+    """``far`` is the opacity of the force farthest from the viewer over the nearest's. A structure
+    is planar whose joints all lie within ``upright`` (sine) of being across one plane."""
 
-    longest: float = 0.16
     far: float = 0.35
     upright: float = 0.1
 
@@ -64,14 +61,14 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     size = np.linalg.norm(vectors, axis=1)
     largest = float(size.max(initial=0.0)) or 1.0
     shown = np.flatnonzero((size > FAINTEST * largest) & np.isfinite(place).all(axis=1))
-    each = _N.longest * free_size(scene) / largest
+    each = LONGEST * free_size(scene) / largest
     ends = np.stack([place[shown] - each * vectors[shown], place[shown]], axis=1)
     label = "force on the block above"
     drawing = _with_forces(
         solution, viewer, f"loads and forces in the joints at collapse; forces above "
         f"{100 * FAINTEST:g} % of the largest, {largest:.3g} {scene.units.force}",
         ends, size[shown] / largest,
-        Lines(ends, 0.6 + 1.4 * size[shown] / largest, FORCE_COLOUR, label, heads=True, each=each),
+        Lines(ends, 0.6 + 1.4 * size[shown] / largest, Style.force, label, heads=True, each=each),
     )  # fmt: skip
     factor = 1.0 if solution.load_factor is None else solution.load_factor
     return replace(drawing, notes=loads_to_scale(scene, factor))
@@ -95,7 +92,7 @@ def thrust(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     drawing = _with_forces(
         solution, viewer, f"thrust lines at collapse above {100 * _faintest(scene):g} % of the "
         f"largest, {largest:.3g} {scene.units.force}", ends, share,
-        Lines(ends, 0.4 + 3.6 * share, THRUST_COLOUR, "thrust"),
+        Lines(ends, 0.4 + 3.6 * share, Style.thrust, "thrust"),
     )  # fmt: skip
     loaded = found[:, 2] > FAINTEST * float(found[:, 2].max(initial=0.0))
     return drawing if drawing.glass else replace(drawing, dots=place[loaded])

@@ -9,8 +9,9 @@ import numpy as np
 from cvxlimit.base.checks import positive
 from cvxlimit.plotting.annotations import annotated, shapes_of
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest, camera_for
-from cvxlimit.plotting.look import SLOW, SPEED_STOPS, SPEED_TEXT, moving_joints, title
+from cvxlimit.plotting.look import SLOW, SPEED_TEXT, moving_joints, title
 from cvxlimit.plotting.registry import picture
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -67,7 +68,7 @@ def mechanism_of(
         caption if moving.moves else "",
         marking=moving_joints(scene, moving),
         notes=annotated(scene),
-        bar=Bar(SPEED_STOPS, SPEED_TEXT) if moving.moves else None,
+        bar=Bar(Style.speed, SPEED_TEXT) if moving.moves else None,
         blocks="block (no mechanism)",
         shapes=shapes_of(scene, solution, moving),
     )

@@ -5,18 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 import cvxlimit.plotting.look as look
-from cvxlimit.plotting.annotations import Marking
+from cvxlimit.plotting.annotations import LONGEST, Marking
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.registry import picture
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import free_size, motion, still
 from cvxlimit.results.sensitivity import NOTHING
 from cvxlimit.solution import Solution
-
-_LONGEST = 0.12
-"""Of the structure's size: the arrow of the stone that counts most."""
-
-_COLOUR = "#b3123c"
-_FRICTION = "#8b2fc9"
 
 
 @picture
@@ -42,7 +37,7 @@ def sensitivity(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     most = float(size.max()) or 1.0
     drawn = np.flatnonzero(size > look.SLOW * most)
     centres = np.array([scene.blocks[i].centroid for i in drawn]).reshape(-1, 3)
-    ends = np.stack([centres, centres + _LONGEST * free_size(scene) / most * moves[drawn]], axis=1)
+    ends = np.stack([centres, centres + LONGEST * free_size(scene) / most * moves[drawn]], axis=1)
     by_friction = np.abs(found.friction) * scene.contacts.friction / abs(found.factor or 1.0)
     largest = float(by_friction.max(initial=0.0))
     counts = (by_friction > look.SLOW * largest) & (largest > NOTHING)
@@ -59,8 +54,10 @@ def sensitivity(solution: Solution, *, viewer: Viewer = None) -> Drawing:
         camera_for(scene, motion(scene, solution), viewer),
         look.title(solution),
         said,
-        colours=look.mixed(look.SPEED_STOPS, size / most),
-        marking=Marking(scene.contacts, counts.astype(int), {1: _FRICTION}, {1: text}, widths),
-        lines=Lines(ends, np.full(len(ends), 1.4), _COLOUR, "raises the load factor", heads=True),
-        bar=Bar(look.SPEED_STOPS, "change by a move / largest"),
+        colours=look.mixed(Style.speed, size / most),
+        marking=Marking(scene.contacts, counts.astype(int), {1: Style.violet}, {1: text}, widths),
+        lines=Lines(
+            ends, np.full(len(ends), 1.4), Style.centre, "raises the load factor", heads=True
+        ),
+        bar=Bar(Style.speed, "change by a move / largest"),
     )

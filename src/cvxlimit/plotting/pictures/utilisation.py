@@ -10,13 +10,12 @@ import numpy as np
 from cvxlimit.base.arrays import SMALL, FloatArray
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest
-from cvxlimit.plotting.look import USE_STOPS, USE_TEXT, used_colour
+from cvxlimit.plotting.look import USE_TEXT, used_colour
 from cvxlimit.plotting.registry import picture
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.utilisation import forces_of, least_used_state, share_used
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
-
-IDLE_COLOUR = "#dfe1e4"
 
 
 @picture
@@ -71,7 +70,7 @@ def utilisation(
         viewer,
         f"strength in use {said}" + (f"; {surface}" if surface else ""),
         decals=list(joint_areas(scene, used, both=False)),
-        bar=Bar(USE_STOPS, USE_TEXT),
+        bar=Bar(Style.use, USE_TEXT),
         keys=idle_keys(used),
         glass=True,
     )
@@ -85,14 +84,14 @@ def used_shares(solution: Solution, scene: Scene, surface: str | None = None) ->
 
 def idle_keys(used: FloatArray) -> list[tuple[str, str]]:
     text = f"joint with less than {100 * SMALL:g} % of the largest compression"
-    return [(IDLE_COLOUR, text)] if np.isnan(used).any() else []
+    return [(Style.idle, text)] if np.isnan(used).any() else []
 
 
 def joint_areas(scene: Scene, used: FloatArray, both: bool) -> Iterator[Decal]:
     """The joints' areas in the colour of their shares, on one block or on both."""
     contacts = scene.contacts
     for j in range(len(contacts)):
-        colour = IDLE_COLOUR if np.isnan(used[j]) else used_colour(min(float(used[j]), 1.0))
+        colour = Style.idle if np.isnan(used[j]) else used_colour(min(float(used[j]), 1.0))
         for block in (int(contacts.a[j]), int(contacts.b[j]))[: 1 + both]:
             for piece in contacts.piece_points(j):
                 yield Decal(piece, block, colour)

@@ -22,6 +22,7 @@ from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.picture import drawn_mesh, shown_bounds
 from cvxlimit.plotting.pictures.forces import thrust_of_blocks
 from cvxlimit.plotting.pictures.utilisation import used_shares
+from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, displaced, free_size, motion, still
 from cvxlimit.results.utilisation import contact_forces, least_used_state
 from cvxlimit.scene import Scene
@@ -129,7 +130,7 @@ def _strength_data(scene: Scene, solution: Solution, forces: FloatArray) -> dict
         state, used = "", np.full(len(scene.contacts), np.nan)
     ends, share, block = thrust_of_blocks(scene, forces)
     return {
-        "useStops": look.USE_STOPS,
+        "useStops": Style.use,
         "useText": f"{look.USE_TEXT} {state}",
         "used": [None if np.isnan(u) else round(min(u, 1.0), 4) for u in used.tolist()],
         "thrust": {
@@ -214,8 +215,8 @@ def _page_data(
         "scale": moving.scale,
         "moves": moving.moves,
         "largest": moving.largest,
-        "stops": look.SPEED_STOPS,
-        "stone": look.STONE_COLOUR,
+        "stops": Style.speed,
+        "stone": Style.stone,
         "stoneText": "block (no mechanism)" if moving.is_solved else "block",
         "refused": False,
         "mesh": _mesh_data(scene),
@@ -247,7 +248,7 @@ def _notes_data(scene: Scene, notes: Annotations) -> dict[str, Any]:
             {"at": _coordinates(scene, np.array([mark.at])), "text": mark.text}
             for mark in notes.marks
         ],
-        "markColour": look.MARK_COLOUR,
+        "markColour": Style.mark,
         "markText": "where it is wrong" if notes.refusal else "near miss",
     }
 

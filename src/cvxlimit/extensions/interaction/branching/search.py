@@ -68,7 +68,7 @@ class Task:
         """Returns the task of a relaxer."""
         opening = relaxer.certifier.witnesses.opening_field
         # Factorisations cannot be sent to another process.
-        bare = replace(assemblage, balance=Balance.of(assemblage.statics), repeats=None)
+        bare = replace(assemblage, balance=Balance.of(assemblage.statics), strengths={})
         return cls(key, bare, relaxer.moments, relaxer.ladder, opening)
 
     def __call__(self, nodes: Sequence[Node], goal: Goal) -> Explored:

@@ -58,7 +58,7 @@ class SafeStep:
         rectangles = Rectangles.of(whole.contacts, states_of(moments).inscribed, largest)
         self.rectangles = rectangles.scaled(1.0 / self.scaling.length)
         statics = replace(whole.statics, contacts=rectangles.contacts)
-        self.assemblage = replace(whole, statics=statics, repeats=None)
+        self.assemblage = replace(whole, statics=statics, strengths={})
         self.statics = self.assemblage.scaled
         self.kept = np.arange(len(whole.contacts)) if half is None else half.kept
         self.stated: dict[tuple[bool, bool], StatedStep] = {}

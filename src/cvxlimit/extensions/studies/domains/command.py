@@ -15,17 +15,14 @@ from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, named_values, option, vector
-from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
+from cvxlimit.cli.report import SCENE_PICTURES, ExitCode, facts, files_asked, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.domains.comparing import DomainComparison, compare_domains
 from cvxlimit.extensions.studies.domains.domain import LoadDomain
 from cvxlimit.extensions.studies.domains.search import load_domain
-from cvxlimit.masonry import BUILTIN
 from cvxlimit.scene.loads import Load
 from cvxlimit.solution import Status
-
-_PICTURES = (".png", ".svg", ".pdf", ".html")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,8 +61,7 @@ class Asked:
 @command_of(Asked)
 def domain_command(asked: Asked) -> ExitCode:
     """Enclose all load vectors that a structure carries beside its dead load."""
-    inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
-    check_outputs({"--json": asked.json, "--plot": asked.plot}, inputs, plot=_PICTURES)
+    written = files_asked(asked, "json", plot=SCENE_PICTURES)
     surfaces = asked.surface or ["conic"]
     if len(surfaces) > 1 and asked.json is not None:
         raise InputError("--json takes one domain: give one --surface")
@@ -84,11 +80,8 @@ def domain_command(asked: Asked) -> ExitCode:
 
     found = interruptible(enclosed)
     domains = [found] if isinstance(found, LoadDomain) else list(found.domains.values())
-    written = []
-    if asked.json is not None:
-        written.append(str(asked.json))
     if asked.plot is not None:
-        written.append(str(found.plot(str(asked.plot))))
+        found.plot(str(asked.plot))
     for domain in domains:
         show(_summary(domain, written))
     if isinstance(found, DomainComparison):
@@ -96,7 +89,7 @@ def domain_command(asked: Asked) -> ExitCode:
     return _verdict(domains)
 
 
-def _summary(domain: LoadDomain, written: Sequence[str]) -> Table:
+def _summary(domain: LoadDomain, written: Sequence[tuple[str, str]]) -> Table:
     gap, where = domain.worst
     said = f"{gap:.2e}" if np.isfinite(gap) else domain.gap_said
     along = ", ".join(f"{x:.3g}" for x in where)
@@ -114,7 +107,7 @@ def _summary(domain: LoadDomain, written: Sequence[str]) -> Table:
             ("basis", "all bounds are proved, up to rounding" if domain.is_proved
              else "some bounds rest on an assumption about the size of forces or rates"),
             ("status", str(domain.status)),
-            *(("written", file) for file in written),
+            *written,
         ]
     )  # fmt: skip
 

@@ -17,13 +17,12 @@ from cvxlimit.plotting.look import printable, saved
 from cvxlimit.plotting.notebook import card
 from cvxlimit.plotting.pictures.webpage import Page, framed
 from cvxlimit.plotting.registry import figures
-
-_COLOURS = ("#134b73", "#d62246", "#2a9d5c", "#f59e0b", "#8b2fc9", "#12a4b4")
+from cvxlimit.plotting.style import Style
 
 _ALIKE = 0.2
 """Natural units of two loads that differ by less than this share have one scale."""
 
-_POINT, _POINTS = "#555555", ("proved point", "mirror image of one, checked as well")
+_POINTS = ("proved point", "mirror image of one, checked as well")
 
 _ADVICE = "What lies inside is carried; what lies beyond the dashed lines is ruled out."
 _POINTS_ONLY = "Points are proved one by one; nothing holds between them."
@@ -76,22 +75,24 @@ def _drawn(domains: Sequence[Any], **options: Any) -> Any:
     is_flat = len(domains[0].units) == 2
     chart = figures("chart").Chart.of(options, (6.2, 5.4), None if is_flat else "3d")
     ax, first, frame = chart.axes, domains[0], _frame(domains)
-    for domain, colour in zip(domains, cycle(_COLOURS), strict=False):
+    for domain, colour in zip(domains, cycle(Style.series), strict=False):
         label = _label(domain) if len(domains) > 1 else "carried"
         (_draw_flat if is_flat else _draw_solid)(ax, domain, frame, colour, label)
     for axis, name, ends in zip("xyz", first.names, frame.T, strict=False):
         ax.set(**{f"{axis}label": f"{printable(name)} (load factor)", f"{axis}lim": tuple(ends)})
     if is_flat:
-        ax.axhline(0.0, color="#888888", lw=0.6, zorder=0)
-        ax.axvline(0.0, color="#888888", lw=0.6, zorder=0)
+        ax.axhline(0.0, color=Style.axis, lw=0.6, zorder=0)
+        ax.axvline(0.0, color=Style.axis, lw=0.6, zorder=0)
         if np.ptp(first.units) <= _ALIKE * first.units.max():
             ax.set_aspect("equal")
         kinds = {
             s.is_mirrored for domain in domains for s in domain.supports if s.point is not None
         }
         for is_mirrored in sorted(kinds):
-            face = "white" if is_mirrored else _POINT
-            ax.plot([], [], "o", ms=3.5, mfc=face, mec=_POINT, mew=0.8, label=_POINTS[is_mirrored])
+            face = "white" if is_mirrored else Style.thin
+            ax.plot(
+                [], [], "o", ms=3.5, mfc=face, mec=Style.thin, mew=0.8, label=_POINTS[is_mirrored]
+            )
     chart.write(_title(domains))
     chart.write_legend()
     return chart.figure
@@ -141,7 +142,7 @@ def _draw_solid(ax: Any, domain: Any, frame: FloatArray, colour: str, label: str
     else:
         ax.plot(*domain.points.T, "o", ms=3, color=colour)
     lines = outside[_open_edges(outside, frame)]
-    dashed = Line3DCollection(lines, colors="#555555", lw=0.4, ls="--")
+    dashed = Line3DCollection(lines, colors=Style.thin, lw=0.4, ls="--")
     ax.add_collection3d(dashed, autolim=False)
     ax.locator_params(nbins=4)  # more overlap in a narrow figure
     ax.set_box_aspect(None, zoom=0.8)  # which leaves labels on the paper
@@ -180,7 +181,7 @@ def domain_page(domains: Sequence[Any]) -> Page:
         "equal": bool(np.ptp(first.units) <= _ALIKE * first.units.max()),
         "box": frame.tolist(), "kinds": _POINTS,
     }  # fmt: skip
-    for domain, colour in zip(domains, cycle(_COLOURS), strict=False):
+    for domain, colour in zip(domains, cycle(Style.series), strict=False):
         shapes = domain.shapes(frame) if len(first.units) == 3 else (None, None)
         for body, corners, is_inner in zip(
             (domain.inner, domain.outer), shapes, (True, False), strict=True

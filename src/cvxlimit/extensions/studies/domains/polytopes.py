@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray
 from cvxlimit.geometry.polygons import clipped
 
 FLAT = 1e-7
@@ -19,10 +19,6 @@ solvers leave of a load factor that is zero."""
 _FAR = 1e4
 """Length, over the window's, at which rays end where a hull of points is made of them. Facets of
 that hull on which no point lies are where rays end: they are left out, and the set goes on."""
-
-_SPARE = 1e-9
-"""Share of a facet's distance from the mean of the points that is taken off it, for what Qhull's
-merging may add."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +116,7 @@ def _facets(along: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArr
         normals, offsets = equations[:, :-1], -equations[:, -1]
     has_point = offsets - (points @ normals.T).max(axis=0) <= FLAT
     normals, offsets = normals[has_point], offsets[has_point]
-    return normals, offsets - _SPARE * np.abs(offsets)
+    return normals, offsets - ROUNDING * np.abs(offsets)
 
 
 def ring(

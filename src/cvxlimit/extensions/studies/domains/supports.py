@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.base.arrays import EPSILON, FloatArray
+from cvxlimit.base.arrays import EPSILON, SMALL, FloatArray
 from cvxlimit.extensions.studies.domains.images import LoadMirror, Raw, load_mirrors
 from cvxlimit.extensions.studies.domains.polytopes import FLAT
 from cvxlimit.methods.answer import Answer
@@ -40,9 +40,6 @@ _MOST_SOLVERS = 3
 _AT_WINDOW, _WIDER = 0.99, 100.0
 """Share of the window from which a load factor counts as stopped by it, and by how much it is then
 widened if not any multiple is carried."""
-
-_SMALL = 1e-2
-"""Offsets of half-spaces below this, over the natural size of load factors, are met no closer."""
 
 _MIXED = (1.0, 0.7548776662466927, 0.5698402909980532)
 """Shares in which loads stand together for all where symmetry is asked for: none by chance."""
@@ -223,7 +220,7 @@ class Structure:
         if made.point is None:
             return False
         room = made.offset - float(made.normal @ made.point)
-        return room <= self.tolerance * max(abs(made.offset), _SMALL * self._size(made.normal))
+        return room <= self.tolerance * max(abs(made.offset), SMALL * self._size(made.normal))
 
     def _size(self, normal: FloatArray) -> float:
         return float(np.linalg.norm(normal * self.units))

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from benchmarks.gilbert import Gilbert
 
 from cvxlimit import Status, builtin_scene, solve
-from cvxlimit.cli.main import run
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.dilatancy.gilbert import Gilbert
 from helpers import renumbered, yield_excess
 
 PUBLISHED = {
@@ -34,7 +33,7 @@ def test_unsafe_stop() -> None:
     """On wall 2 the load factor settles to a thousandth where forces exceed Coulomb's law by more
     than a hundredth of a block's weight; going on, it rises again."""
     scene = builtin_scene("ferris-tin-loi-2")
-    solution = solve(scene, method="gilbert")
+    solution = solve(scene, method=Gilbert())
     assert solution.history[-1].change < 1e-3  # type: ignore[operator]
     assert solution.status is Status.NOT_CONVERGED
     weight = scene.total_weight / len(scene.free)
@@ -48,21 +47,16 @@ def test_block_that_slides() -> None:
     for scene in (builtin_scene("single-block"), renumbered(builtin_scene("single-block"), 1)):
         low = scene.with_friction(0.3)
         for other in (low, low.in_units(low.units, 1e3, 1e3)):
-            assert solve(other, method="gilbert").load_factor == pytest.approx(0.3, rel=1e-3)
-
-
-def test_command_line() -> None:
-    assert run(["solve", "single-block", "--method", "gilbert"]) == 0
+            assert solve(other, method=Gilbert()).load_factor == pytest.approx(0.3, rel=1e-3)
 
 
 def test_refusals() -> None:
     scene = builtin_scene("single-block")
-    for changed, options, message in (
-        (scene.with_cohesion(1.0), {}, "has no cohesion: take it out"),
-        (scene.with_strength(compressive=1e3), {}, "knows no strength"),
-        (scene, {"surface": "parabolic"}, "goes with surface conic or facets"),
+    for changed, message in (
+        (scene.with_cohesion(1.0), "has no cohesion: take it out"),
+        (scene.with_strength(compressive=1e3), "knows no strength"),
     ):
         with pytest.raises(ModelError, match=message):
-            solve(changed, method="gilbert", **options)
+            solve(changed, method=Gilbert())
     with pytest.raises(ModelError, match="weight must be above 0"):
         Gilbert(weight=0.0)

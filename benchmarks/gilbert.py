@@ -2,9 +2,9 @@
 
 Gilbert, Casapulla and Ahmed (2006) solve associated problems whose friction hardly grows with the
 normal force, so that sliding closes joints by a little instead of opening them, and move these
-cones towards the normal forces found. Here for comparison with
-:mod:`~cvxlimit.extensions.dilatancy.zero_dilatancy`, which starts from its iterates where its own
-pairs of problems find nothing.
+cones towards the normal forces found. It is what zero dilatancy is compared with, which starts
+from such iterates where its own pairs of problems find nothing, and no method of the package: its
+stop says nothing about Coulomb's law, and its load factor is no bound.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Gilbert(Method):
     Example
     -------
     >>> from cvxlimit import builtin_scene, solve
-    >>> solution = solve(builtin_scene("ferris-tin-loi-1"), method="gilbert")
+    >>> solution = solve(builtin_scene("ferris-tin-loi-1"), method=Gilbert())
     >>> round(solution.load_factor, 2)  # published: 0.639918
     0.64
     """
