@@ -95,6 +95,11 @@ def pushover_command(asked: Followed) -> ExitCode:
         path.plot(_KINDS[asked.plot.suffix.lower()], asked.plot)
     check = None if asked.code_check is None else code_check(path, asked.code_check)
     if asked.report is not None:
+        if path.initial is None:
+            raise InputError(
+                f"--report {asked.report}: the path starts displaced, so that there is no solution "
+                "at rest to report: draw the path by --plot, or write it by --json"
+            )
         path.initial.of(path.scene).report(asked.report, path=path, check=check)
     written = [str(file) for file in outputs.values() if file is not None]
     show(_summary(path, written), Text(), _table(path), Text(one_line(f"{PROVES}")))
@@ -128,9 +133,10 @@ def _summary(path: Displacements, written: list[str]) -> Table:
     return facts(
         [
             ("scene", path.scene.name),
-            ("load factor", f"{rounded(initial.load_factor or 0.0)} in {initial.bracket}, friction "
-             "over whole joints"),
-            ("on the path", f"{rounded(path.load_factor[0])} at rest, friction at points"),
+            ("load factor", "" if initial is None else f"{rounded(initial.load_factor or 0.0)} in "
+             f"{initial.bracket}, friction over whole joints"),
+            ("on the path", f"{rounded(path.load_factor[0])} at "
+             f"{'the start' if initial is None else 'rest'}, friction at points"),
             ("in short", path.headline),
             ("end", path.status + f": {path.reason}" * (path.reason != path.headline)),
             ("snaps at", ", ".join(f"w = {w:.6g} {unit}" for w in path.snaps)),

@@ -38,6 +38,7 @@ from cvxlimit.io.scenes import POINT, SCENE
 from cvxlimit.paths.path import Configuration, Ending, Flow, Points, Work
 from cvxlimit.paths.path import Path as Displacements
 from cvxlimit.scene import Scene
+from cvxlimit.scene.starting import begun
 from cvxlimit.solution import Solution
 from cvxlimit.solution.bracket import Bracket
 
@@ -112,12 +113,13 @@ CONTROL = plain(
 
 
 def _path(
-    scene: Scene, initial: Solution, halved: JsonObject | None = None, **given: Any
+    scene: Scene, initial: Solution | None, halved: JsonObject | None = None, **given: Any
 ) -> Displacements:
     """A path whose parts belong to each other."""
+    scene = begun(scene)[0]
     path = _run(scene, initial, **given)
     for name in ("units", "contact_names", "lumped"):
-        own, found = getattr(initial, name), getattr(path.initial, name)
+        own, found = (getattr(each, name, None) for each in (initial, path.initial))
         if own and str(own) != str(found):
             raise InputError(f"{name} of initial must be those of the scene, got {shown(str(own))}")
     if halved is None:
@@ -129,7 +131,7 @@ def _path(
 
 
 def _run(
-    scene: Scene, initial: Solution, configurations: tuple[JsonObject, ...], **given: Any
+    scene: Scene, initial: Solution | None, configurations: tuple[JsonObject, ...], **given: Any
 ) -> Displacements:
     free = {scene.blocks[i].id for i in scene.free}
     if not configurations:
@@ -152,7 +154,7 @@ def _run(
     known = {each.w for each in made}
     if lost := [w for w in given.get("snaps", ()) if w not in known]:
         raise InputError(f"snaps must each be the w of a configuration, got {shown(lost[0])}")
-    return Displacements(initial.of(scene), made, **given)
+    return Displacements(initial and initial.of(scene), made, **given)
 
 
 RUN = {
@@ -174,7 +176,7 @@ PATH: Document[Displacements] = Document(
         Displacements,
         {
             "scene": Key(SCENE.inside, "{key}", is_needed=True),
-            "initial": Key(RESULT.inside, "{key}"),
+            "initial": Key(nullable(RESULT.inside), "{key}"),
             **RUN,
             "flow": Key(choice(get_args(Flow)), "{key}"),
             "control": Key(nullable(CONTROL), "{key}"),

@@ -256,10 +256,16 @@ def code_check(
     Raises
     ------
     InputError
-        For a path that ends before the load factor is zero, a live load that is no horizontal
-        acceleration, a unit of length that cannot be converted, or groups that do not move as one.
+        For a path that ends before the load factor is zero or starts displaced, a live load that is
+        no horizontal acceleration, a unit of length that cannot be converted, or groups that do not
+        move as one.
     """
     scene = of_type(path, Path, "path must be a Path", "pushover(scene) makes one").scene
+    if path.initial is None:
+        raise InputError(
+            f"the code check is of a mechanism at rest, and the path of {scene.name!r} starts "
+            "displaced: follow the structure as it was before"
+        )
     factor, metre = positive(confidence_factor, "confidence factor"), METRES.get(scene.units.length)
     if metre is None:
         raise InputError(
@@ -362,7 +368,7 @@ def _moving(
     path: Path, along: FloatArray, groups: Iterable[Iterable[str]]
 ) -> tuple[FloatArray, FloatArray]:
     """Weights of blocks and groups that move in the initial mechanism, and their rates."""
-    scene, found = path.scene, path.initial.mechanism or {}
+    scene, found = path.scene, (path.initial and path.initial.mechanism) or {}
     free = [scene.blocks[i] for i in scene.free]
     rates = np.array([found.get(block.id, np.zeros(6)) for block in scene.blocks])
     speed = corner_speeds(scene, rates)[scene.free]
@@ -395,7 +401,7 @@ def _moving(
 
 def _at_control(path: Path, along: FloatArray) -> float:
     """Rate of what the path measures as its displacement, in the initial mechanism."""
-    scene, found = path.scene, path.initial.mechanism or {}
+    scene, found = path.scene, (path.initial and path.initial.mechanism) or {}
     if path.control is None:
         push = [scene.blocks[i].weight * found[scene.blocks[i].id][:3] @ along for i in scene.free]
         return float(sum(push) / scene.total_weight)

@@ -168,9 +168,10 @@ class Path:
 
     Attributes
     ----------
-    initial : Solution
+    initial : Solution or None
         What :func:`cvxlimit.solve` says of the scene as it is given. Its load factor differs from
         the path's first one, since the path has friction at points and not on whole contacts.
+        None where the scene starts displaced.
     configurations : tuple of Configuration
         The first at w = 0; also ``path[3]``.
     status : str
@@ -195,7 +196,7 @@ class Path:
         Load factor that was asked for as its end.
     """
 
-    initial: Solution
+    initial: Solution | None
     configurations: tuple[Configuration, ...]
     status: Ending
     reason: str
@@ -291,10 +292,9 @@ class Path:
         ends where supports were drawn to end."""
         w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
         # What slides at first and does not turn stays as it is, whatever steps show of it.
-        rates, dilatancy = (
-            np.array([*(self.initial.mechanism or {}).values()]),
-            self.initial.dilatancy,
-        )
+        first = self.initial
+        rates = np.array([*((first and first.mechanism) or {}).values()])
+        dilatancy = None if first is None else first.dilatancy
         if len(rates) and dilatancy is not None and dilatancy.share > LEVEL:
             shift, turn = (np.linalg.norm(rates[:, k : k + 3], axis=1).max() for k in (0, 3))
             still = turn * self.scene.contacts.typical_size <= VISIBLE * shift

@@ -25,12 +25,15 @@ import numpy as np
 from cvxlimit.base.arrays import BoolArray
 from cvxlimit.methods.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
 from cvxlimit.methods.proving import solution_checks
+from cvxlimit.methods.solving import solve
 from cvxlimit.model.statics import DOF
 from cvxlimit.paths.following import FINEST, JUMP, MOST, REACH, At, Walk
 from cvxlimit.paths.increment import Increment
 from cvxlimit.paths.path import CLOSED, SLIDING, Path, Points
 from cvxlimit.paths.points import Start
 from cvxlimit.paths.proof import bracket_of
+from cvxlimit.paths.refusing import stands
+from cvxlimit.scene.starting import begun
 
 _LOOKED_AT = (
     "initial", "configurations", "status", "flow", "step", "snaps", "work", "slides", "control",
@@ -42,10 +45,15 @@ def path_checks(path: Path) -> Iterator[Check]:
     """Checks every claim of a path: the solution of the scene at rest, the configurations, and
     those of the run with half the step, if there is one. What holds of configurations is said once
     for all of them; what does not, one by one."""
-    for check in solution_checks(path.initial, path.scene):
-        is_proof = check.kind == "proved" or not check.is_met
-        which = "at rest, friction over whole joints" if is_proof else "initial"
-        yield replace(check, claim=f"{which}: {check.claim}")
+    if path.initial is None:
+        is_met = begun(path.scene)[1] is not None or not stands(solve(path.scene))
+        found = "" if is_met else "its dead load stands alone"
+        yield follows("a scene that starts displaced", is_met, found)
+    else:
+        for check in solution_checks(path.initial, path.scene):
+            is_proof = check.kind == "proved" or not check.is_met
+            which = "at rest, friction over whole joints" if is_proof else "initial"
+            yield replace(check, claim=f"{which}: {check.claim}")
     yield from _configuration_checks(path, "")
     half = path.halved
     if half is not None:

@@ -10,13 +10,14 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, is_number, positive
-from cvxlimit.errors import ModelError
+from cvxlimit.errors import InputError, ModelError, NoAnswerError
 from cvxlimit.methods.solving import solve
 from cvxlimit.paths.following import REACH, Walk
 from cvxlimit.paths.path import Flow, Path
-from cvxlimit.paths.refusing import checked_control, refuse, refuse_answer
+from cvxlimit.paths.refusing import checked_control, no_path, refuse, stands
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
+from cvxlimit.scene.starting import begun
 
 SLIDES = {
     "associated": "joints slide on the way, so that the curve depends on the step, on the unsafe "
@@ -24,6 +25,11 @@ SLIDES = {
     "zero-dilatancy": "joints slide on the way, without dilatancy: friction then allows several "
     "answers, of which the path has one, and the step may decide which",
 }
+
+DISPLACED = (
+    "it starts displaced: the dead load does not stand alone, and the push holds it from the "
+    "start; there is no load factor at rest"
+)
 
 
 def pushover(
@@ -50,7 +56,9 @@ def pushover(
     ----------
     scene : Scene or Path
         A path goes on from its last configuration, with its own step and control unless others are
-        given.
+        given. A scene may start displaced, its blocks on edges and corners, if the push holds it
+        there: its first load factor is that of this position, and ``path.initial`` is None.
+        ``contact_friction`` may name blocks that touch only later.
     step : float or None
         Of w, the mean displacement of the live load, in the scene's unit of length; None: an eighth
         of what the last slope takes to ``until``, at most an eighth of the contact size, and where
@@ -85,7 +93,10 @@ def pushover(
     Raises
     ------
     NoAnswerError
-        For a scene that does not stand, and a live load that does no harm.
+        For a scene that does not stand and that the push does not hold, and a live load that does
+        no harm.
+    GeometryError
+        For blocks that touch nothing, not even at an edge.
     ModelError
         For cohesion, tensile or compressive strength, ties and pressures, and for unknown choices.
 
@@ -102,6 +113,8 @@ def pushover(
     if isinstance(scene, Path):
         scene = scene.scene
     check_scene(scene)
+    why_not: InputError | NoAnswerError | None
+    scene, why_not = begun(scene)
     for name, value, known in (
         ("flow", "associated" if flow is None else flow, get_args(Flow)),
         ("certify", certify, ("all", "last", "none")),
@@ -123,8 +136,13 @@ def pushover(
         step, about = step or before.step, about or before.control
         begin = replace(before, control=about)
         half = before.halved and replace(before.halved, control=about)
-    initial = solve(scene) if before is None else before.initial
-    refuse_answer(initial)
+    initial = None if before is None else before.initial
+    if before is None and why_not is None:
+        initial = solve(scene)
+        why_not = no_path(initial)
+        if why_not is not None and stands(initial):
+            raise why_not
+        initial = None if why_not is not None else initial
     tell = progress or (lambda line: None)
 
     def follow(
@@ -144,14 +162,17 @@ def pushover(
             if not walk.found:
                 raise
             ending = "interrupted", "interrupted: what was found until then"
+        start = walk.found[0].shown.load_factor if walk.found else -np.inf
+        if why_not is not None and before is None and start <= until:
+            raise why_not  # no push holds it either
         if certify == "last":
             walk.found[-1] = walk.proved(walk.found[-1])
         slides = any(x.slides for x in walk.found)
+        notes = [DISPLACED] * (initial is None) + [SLIDES[kind]] * slides
         longest = begin.step if begin is not None and len(begin) > 1 else 0.0
         return Path(
             initial, tuple(x.shown for x in walk.found), *ending, kind, max(walk.step, longest),
-            tuple(walk.snaps), walk.work(), slides, about, (SLIDES[kind],) if slides else (),
-            until=float(until),
+            tuple(walk.snaps), walk.work(), slides, about, tuple(notes), until=float(until),
         )  # fmt: skip
 
     path = replace(follow(step, begin), halved=None)

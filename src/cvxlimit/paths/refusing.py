@@ -55,10 +55,10 @@ def refuse(scene: Scene) -> None:
         )
 
 
-def refuse_answer(initial: Solution) -> None:
-    """Scenes whose path does not begin."""
+def no_path(initial: Solution) -> NoAnswerError | None:
+    """Why no path begins at rest, if none does."""
     why = ""
-    if initial.status is Status.DEAD_LOAD_UNSTABLE or initial.lower_end is not None:
+    if not stands(initial):
         why = "the dead load does not stand alone"
     elif initial.status is Status.LIVE_LOAD_HARMLESS:
         why = "the live load does no harm, so that nothing moves under it"
@@ -66,5 +66,9 @@ def refuse_answer(initial: Solution) -> None:
         why = "its load factor has no limit with dilatancy: flow='zero-dilatancy' may begin one"
     elif initial.load_factor is None:
         why = f"its load factor was not found ({initial.status})"
-    if why:
-        raise NoAnswerError(f"no path begins at scene {initial.scene.name!r}: {why}")
+    return NoAnswerError(f"no path begins at scene {initial.scene.name!r}: {why}") if why else None
+
+
+def stands(initial: Solution) -> bool:
+    """Whether the dead load stands alone, as far as is known."""
+    return initial.status is not Status.DEAD_LOAD_UNSTABLE and initial.lower_end is None

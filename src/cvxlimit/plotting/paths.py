@@ -180,7 +180,8 @@ def _texts(path: Path) -> list[str]:
 
 
 def _title(path: Path) -> str:
-    start = f"load factor {rounded(path.load_factor[0], DIGITS)} at rest"
+    begin = "at rest" if path.initial is not None else "where it starts, displaced"
+    start = f"load factor {rounded(path.load_factor[0], DIGITS)} {begin}"
     unit = printable(path.scene.units.length)
     low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
     end = f"zero at {low}" + (f" to {high}" if low != high else "")

@@ -172,7 +172,7 @@ def prove(
 def _path(path: Displacements, scene: Scenes | None) -> Proof:
     if scene is not None:
         _scene_of(path.scene.name, scene_digest(path.scene), scene, _ALL)
-    checks, own = [*path_checks(path)], path.initial.scene_digest
+    checks, own = [*path_checks(path)], path.initial and path.initial.scene_digest
     if own and own != scene_digest(path.scene):
         checks.append(Check("initial: scene_digest", False, "it is of another scene"))
     return Proof(f"path of scene {path.scene.name!r}", tuple(checks))
