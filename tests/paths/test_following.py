@@ -20,7 +20,7 @@ from cvxlimit.paths import proof
 from cvxlimit.paths.increment import Found, Increment, Loads
 from cvxlimit.paths.path import Configuration, rotation
 from cvxlimit.paths.points import Start
-from cvxlimit.scene.loads import PointForce, Pressure
+from cvxlimit.scene.loads import PointForce
 from cvxlimit.scene.reactions import Reaction, Tie
 from displaced import assert_balanced_within_friction
 from linkages import FourBars, leaning, rocking
@@ -497,7 +497,6 @@ def test_points_without_friction_have_no_friction_force() -> None:
 def refused() -> dict[str, tuple[Callable[[], Scene], str]]:
     block = single_block((0.4, 0.4, 1.0))
     overhang = stack(3, (0.5, 0.5, 0.25), shift=(0.3, 0.0))
-    side = Pressure("b1", normal=(-1, 0, 0), pressure=1.0)
     anchor = Block.box("anchor", (-1.0, 0.0, 0.5), (-0.9, 0.4, 0.9))
     tied = replace(
         block,
@@ -514,7 +513,6 @@ def refused() -> dict[str, tuple[Callable[[], Scene], str]]:
         "crushing": (lambda: block.with_strength(compressive=9.0), "compressive strength"),
         "ties": (lambda: tied, "ties, as .* give the force that it is to have as a point load"),
         "reactions": (lambda: replace(block, reactions=[prop]), "reactions, as reaction ground-b1"),
-        "pressure": (lambda: block.with_live(Load(pressures=[side])), "pressures in the live"),
     }
 
 
@@ -535,6 +533,7 @@ def test_scenes_without_a_path_are_refused_by_the_property(what: str) -> None:
         ({"control": "b1"}, "control"),
         ({"control": ("b1", (0, 0, 0))}, "must not be zero"),
         ({"until": "zero"}, "until must be a load factor"),
+        ({"pressures": "following"}, "pressures must be one of turning, keeping"),
     ],
 )
 def test_unknown_choices_are_refused(options: dict[str, Any], words: str) -> None:

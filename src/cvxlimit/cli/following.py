@@ -56,6 +56,10 @@ class Followed:
         "Block and direction whose displacement is told; unless given, the mean displacement of "
         "the live load.",
     )
+    pressures: str | None = option(
+        "NAME", "Pressures stay on their faces: turning with them (default), or keeping their "
+        "direction."
+    )  # fmt: skip
     code_check: float | None = option(
         "FC", "Report the displacement check of Circolare 7/2019 with this confidence factor."
     )
@@ -80,11 +84,15 @@ def pushover_command(asked: Followed) -> ExitCode:
     outputs["--report"] = asked.report
     check_outputs(outputs, inputs, plot=list(_KINDS), report=(".html",))
     flow: Any = asked.flow
+    pressures: Any = asked.pressures
     control = named_block(asked.control)
 
     def followed(tell: Tell) -> Displacements:
         begin = _begin(asked.scene)
-        return pushover(begin, asked.step, asked.until, flow, control, progress=with_result(tell))
+        return pushover(
+            begin, asked.step, asked.until, flow, control, pressures=pressures,
+            progress=with_result(tell),
+        )  # fmt: skip
 
     path = interruptible(followed)
     if asked.json is not None:

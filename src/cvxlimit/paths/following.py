@@ -153,7 +153,7 @@ class Walk:
         moved = np.zeros(len(self.scene.free))
         for iterate in range(1, _MANY + 1):
             points, number = begin.numbered(pose)
-            push = w * self.loads.size - self.loads.work(pose)[1]
+            push = self.loads.push(w, start.pose, pose)
             near = Near(*last, number) if last else None
             answer = Increment(self.scene, points, pose, self.loads).solve(push, near)
             if not isinstance(answer, Found):
@@ -187,7 +187,7 @@ class Walk:
         work = abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
         for iterate in range(1, _MANY + 1):
             points = begin.points(pose)
-            push = w * self.loads.size - self.loads.work(pose)[1]
+            push = self.loads.push(w, start.pose, pose)
             increment = Increment(self.scene, points, pose, self.loads)
             slides = np.linalg.norm(points.slip, axis=1)
             if iterate == 1:  # as if every point slid as far as the live load goes
@@ -206,7 +206,8 @@ class Walk:
                 loss = points.lost(forces.forces) / work
                 is_closed = points.bearing_gap(forces.forces) <= _FAR * self.size
                 if is_closed and loss <= (best.shown.loss if best else _LOST):
-                    at = w - push / self.loads.size
+                    left = w * self.loads.size - self.loads.work(pose)[1]
+                    at = w - left / self.loads.size
                     best = self._shown(pose, points, forces, at, size, iterate, loss)
                 if is_still or (best is not None and best.shown.loss <= SLIDING):
                     break
@@ -339,8 +340,9 @@ class Walk:
             return True
         if there.slides:  # what slides changes direction without a jump
             return False
-        rise = self.loads.work(here.pose)[0] - self.loads.work(there.pose)[0]
-        way = self.loads.size * (there.shown.w - here.shown.w)
+        turned = self.loads.of_turning(here.pose, there.pose)
+        rise = self.loads.work(here.pose)[0] - self.loads.work(there.pose)[0] - turned[0]
+        way = self.loads.size * (there.shown.w - here.shown.w) + turned[1]
         area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
         return abs(rise - area) > 0.01 * way * abs(self.found[0].shown.load_factor)
 
@@ -408,12 +410,15 @@ class Walk:
         w = np.array([x.shown.w for x in self.found])
         alpha = np.array([x.shown.load_factor for x in self.found])
         energy = np.array([-self.loads.work(x.pose)[0] for x in self.found])
+        each = [self.loads.of_turning(x.pose, y.pose) for x, y in pairwise(self.found)]
+        turned = np.cumsum([(0.0, 0.0), *each], axis=0)
+        energy, way = energy - turned[:, 0], w + turned[:, 1] / self.loads.size
         near = np.flatnonzero(np.diff(w) <= FINEST * self.step) + 1
         jumps = np.union1d(near, np.searchsorted(w, self.snaps, side="right")).astype(int)
         for begin, end in pairwise([0, *jumps.tolist(), len(w)]):
             if end - begin > 1:
-                curve = CubicSpline(w[begin:end], alpha[begin:end])
-                area += self.loads.size * float(curve.integrate(w[begin], w[end - 1]))
+                curve = CubicSpline(way[begin:end], alpha[begin:end])
+                area += self.loads.size * float(curve.integrate(way[begin], way[end - 1]))
                 potential += float(energy[end - 1] - energy[begin])
         return Work(area, potential)
 

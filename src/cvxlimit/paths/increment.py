@@ -49,6 +49,7 @@ from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.paths.pairs import Pose
 from cvxlimit.paths.path import Points
 from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import Actions, Load
 from cvxlimit.solvers import Outcome, SolverSettings, blockwise, settings_for
 from cvxlimit.solvers.interior import Point
 from cvxlimit.solvers.program import ConeProgram
@@ -81,39 +82,82 @@ def point_forces(
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """Dead and live load of a scene on displaced blocks; points of action move with the blocks."""
+    """Dead and live load of a scene on displaced blocks; points of action move with the blocks.
+
+    Forces keep their direction, but for pressures, which stay on the faces that they were found on:
+    as large as they were, they turn with them.
+    """
 
     scene: Scene
 
     @cached_property
-    def _actions(self) -> list[Any]:
-        """Forces of the dead and of the live load on free blocks, with their points of action."""
-        free = [self.scene.blocks[i] for i in self.scene.free]
-        return [load.actions(free) for load in (self.scene.dead, self.scene.live)]
+    def _actions(self) -> list[list[tuple[Actions, bool]]]:
+        """Forces of the dead and of the live load on free blocks, with their points of action, and
+        whether they turn."""
+        free, both = [self.scene.blocks[i] for i in self.scene.free], []
+        for load in (self.scene.dead, self.scene.live):
+            own = [(replace(load, pressures=()).actions(free), False)]
+            if load.pressures:
+                own.append((Load(pressures=load.pressures).actions(free), True))
+            both.append(own)
+        return both
 
     def at(self, pose: Pose) -> tuple[FloatArray, FloatArray]:
         """Returns the dead and the live load (6 free blocks,) about the moved centroids."""
         both = []
-        for what in self._actions:
-            block = self.scene.free[what.block]
-            arm = pose.placed(block, what.at) - pose.middle[block]
-            turning = what.moment + np.cross(arm, what.force)
+        for own in self._actions:
             load = np.zeros((len(self.scene.free), DOF))
-            np.add.at(load, what.block, np.concatenate([what.force, turning], axis=1))
+            for what, turns in own:
+                block = self.scene.free[what.block]
+                arm = pose.placed(block, what.at) - pose.middle[block]
+                force, moment = what.force, what.moment
+                if turns:
+                    force, moment = pose.turned(block, force), pose.turned(block, moment)
+                turning = moment + np.cross(arm, force)
+                np.add.at(load, what.block, np.concatenate([force, turning], axis=1))
             both.append(load.ravel())
         return both[0], both[1]
 
     def work(self, pose: Pose) -> tuple[float, float]:
-        """Returns the work of the dead and of the live load from the first pose to this one; that
-        of moments, which do not turn with the blocks, is taken on the rotation vectors."""
+        """Returns the work of the dead and of the live load from the first pose to this one, along
+        the directions that they had at first; that of moments is taken on the rotation vectors."""
         both = []
-        for what in self._actions:
-            block = self.scene.free[what.block]
-            way = pose.placed(block, what.at) - what.at
-            work = float((what.force * way).sum())
-            if what.moment.any():
-                turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
-                work += float((what.moment * turn).sum())
+        for own in self._actions:
+            work = 0.0
+            for what, _ in own:
+                block = self.scene.free[what.block]
+                way = pose.placed(block, what.at) - what.at
+                work += float((what.force * way).sum())
+                if what.moment.any():
+                    turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
+                    work += float((what.moment * turn).sum())
+            both.append(work)
+        return both[0], both[1]
+
+    def push(self, w: float, start: Pose, pose: Pose) -> float:
+        """Returns by how much the live load has yet to move until its mean displacement is ``w``,
+        times the load. What turns does so many times more work along its own directions as it has
+        done since the ``start`` of the step."""
+        done = self.work(pose)[1]
+        left = w * self.size - done
+        if not any(turns for _, turns in self._actions[1]):
+            return left
+        along = done - self.work(start)[1]
+        own = along + self.of_turning(start, pose)[1]
+        return left * own / along if own * along > 0.0 else left
+
+    def of_turning(self, one: Pose, other: Pose) -> tuple[float, float]:
+        """Returns what the work of the dead and of the live load from one pose to another gains by
+        their turning with the faces: they have the mean of both directions on the way."""
+        both = []
+        for own in self._actions:
+            work = 0.0
+            for what, turns in own:
+                if turns:
+                    block = self.scene.free[what.block]
+                    way = other.placed(block, what.at) - one.placed(block, what.at)
+                    ends = one.turned(block, what.force), other.turned(block, what.force)
+                    work += float(((0.5 * (ends[0] + ends[1]) - what.force) * way).sum())
             both.append(work)
         return both[0], both[1]
 
@@ -121,9 +165,9 @@ class Loads:
     def size(self) -> float:
         """Sum of the sizes of the live load's forces, by which its work is divided for w; for
         moments alone their sum over the contact size."""
-        live = self._actions[1]
-        force = float(np.linalg.norm(live.force, axis=1).sum())
-        moment = float(np.linalg.norm(live.moment, axis=1).sum())
+        live = [what for what, _ in self._actions[1]]
+        force = sum(float(np.linalg.norm(what.force, axis=1).sum()) for what in live)
+        moment = sum(float(np.linalg.norm(what.moment, axis=1).sum()) for what in live)
         return force or moment / self.scene.contacts.typical_size
 
 

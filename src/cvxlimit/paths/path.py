@@ -155,7 +155,7 @@ class Configuration:
     loss: float = 0.0
 
     def scene(self) -> Scene:
-        """The scene with moved blocks, and point loads that moved with them."""
+        """The scene with moved blocks, and point loads and pressures that moved with them."""
         return moved_scene(self.start, self.displacements)
 
 
@@ -437,13 +437,15 @@ def rotation(vector: FloatArray) -> FloatArray:
 
 
 def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:
-    """``scene`` with blocks moved by (6,) displacements; point loads move with their blocks."""
+    """``scene`` with blocks moved by (6,) displacements; point loads move with their blocks, and
+    pressures turn with them as well."""
     turns = {name: rotation(d[3:]) for name, d in displacements.items()}
-    blocks = []
+    blocks, shift = [], dict[str, FloatArray]()
     for block in scene.blocks:
         if block.id in displacements:
             turn, d = turns[block.id], displacements[block.id]
-            block = block.moved(turn, block.centroid + d[:3] - turn @ block.centroid)
+            shift[block.id] = block.centroid + d[:3] - turn @ block.centroid
+            block = block.moved(turn, shift[block.id])
         blocks.append(block)
     centre = {block.id: block.centroid for block in scene.blocks}
 
@@ -455,6 +457,7 @@ def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:
             ))
             for p in load.points
         ]  # fmt: skip
-        return replace(load, points=points)
+        pressures = [p.moved(turns[p.block], shift[p.block]) for p in load.pressures]
+        return replace(load, points=points, pressures=pressures)
 
     return replace(scene, blocks=tuple(blocks), dead=moved(scene.dead), live=moved(scene.live))

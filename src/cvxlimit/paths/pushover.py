@@ -17,7 +17,7 @@ from cvxlimit.paths.path import Flow, Path
 from cvxlimit.paths.refusing import checked_control, no_path, refuse, stands
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
-from cvxlimit.scene.starting import begun
+from cvxlimit.scene.starting import begun, with_resultants
 
 SLIDES = {
     "associated": "joints slide on the way, so that the curve depends on the step, on the unsafe "
@@ -31,6 +31,11 @@ DISPLACED = (
     "start; there is no load factor at rest"
 )
 
+TURN, KEEP = (
+    f"pressures stay on their faces as large as they were, and {what}"
+    for what in ("turn with them", "keep their direction: point loads at their centres")
+)
+
 
 def pushover(
     scene: Scene | Path,
@@ -42,6 +47,7 @@ def pushover(
     reach: float | None = None,
     halvings: int = 1,
     within: float = 0.02,
+    pressures: Literal["turning", "keeping"] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Path:
     """The path of a structure after its collapse load factor, in finite displacements.
@@ -81,6 +87,10 @@ def pushover(
     within : float
         Change of ``d0``, over itself, and of load factors, over the first, with which halving ends:
         a fiftieth, which no check of a displacement notices.
+    pressures : {"turning", "keeping"} or None
+        What pressures do that stay, as large as they are, on the faces that they are found on: turn
+        with them, as water does, or keep their direction; these are point loads of ``path.scene``
+        from then on. None: turning, and of a path to go on from as they are.
     progress : callable or None
         Called with a line of text for every configuration.
 
@@ -98,7 +108,7 @@ def pushover(
     GeometryError
         For blocks that touch nothing, not even at an edge.
     ModelError
-        For cohesion, tensile or compressive strength, ties and pressures, and for unknown choices.
+        For cohesion, tensile or compressive strength and ties, and for unknown choices.
 
     Example
     -------
@@ -118,9 +128,16 @@ def pushover(
     for name, value, known in (
         ("flow", "associated" if flow is None else flow, get_args(Flow)),
         ("certify", certify, ("all", "last", "none")),
+        ("pressures", pressures or "turning", ("turning", "keeping")),
     ):  # fmt: skip
         if value not in known:
             raise ModelError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    if pressures is not None and before is not None:
+        raise ModelError(
+            f"pressures={pressures!r} is for a scene: a path goes on with its own loads"
+        )
+    keeps = pressures == "keeping" and bool(scene.dead.pressures or scene.live.pressures)
+    scene = with_resultants(scene) if keeps else scene
     refuse(scene)
     for name, length in (("step", step), ("reach", reach)):
         if length is not None:
@@ -168,7 +185,9 @@ def pushover(
         if certify == "last":
             walk.found[-1] = walk.proved(walk.found[-1])
         slides = any(x.slides for x in walk.found)
-        notes = [DISPLACED] * (initial is None) + [SLIDES[kind]] * slides
+        turn = bool(scene.dead.pressures or scene.live.pressures)
+        notes = [DISPLACED] * (initial is None) + [TURN] * turn + [KEEP] * keeps
+        notes += [SLIDES[kind]] * slides
         longest = begin.step if begin is not None and len(begin) > 1 else 0.0
         return Path(
             initial, tuple(x.shown for x in walk.found), *ending, kind, max(walk.step, longest),

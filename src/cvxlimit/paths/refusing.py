@@ -42,10 +42,6 @@ def refuse(scene: Scene) -> None:
             j = int(np.argmax(value != none))
             has = f"{name.replace('_', ' ')}, {value[j]:g} at contact {contacts.names[j]}"
     for load, name in ((scene.dead, "dead"), (scene.live, "live")):
-        if load.pressures:
-            if has is None:
-                way = "give its resultant as a point load, which keeps its direction"
-            has = has or f"pressures in the {name} load, as on block {load.pressures[0].block!r}"
         if load.growing:
             has = has or f"inertia that grows with height in the {name} load"
     if has:

@@ -1,11 +1,14 @@
-"""Where a path may begin: at rest on its joints, or displaced, held at points by the push alone."""
+"""Scenes as paths take them: where they may begin, and pressures that keep their direction."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.detection import detect
+from cvxlimit.scene.loads import Load, PointForce
 from cvxlimit.scene.scene import Scene
 
 
@@ -32,3 +35,21 @@ def begun(scene: Scene) -> tuple[Scene, GeometryError | None]:
         size = float(np.median([scene.blocks[i].size for i in scene.free]))
         contacts.__dict__["typical_size"] = size
     return scene._with_contacts(contacts), loose
+
+
+def with_resultants(scene: Scene) -> Scene:
+    """The scene with point loads in place of pressures: their resultants at the centres of
+    pressure, and what moment is left on faces that are not plane."""
+    blocks = {block.id: block for block in scene.blocks}
+
+    def of(load: Load) -> Load:
+        points, forces = [*load.points], dict(load.forces)
+        for each in load.pressures:
+            at, force, moment = each.resultant(blocks[each.block])
+            points.append(PointForce(each.block, tuple(at), tuple(force)))
+            if moment.any():
+                rest = np.concatenate([np.zeros(3), moment]) + forces.get(each.block, np.zeros(6))
+                forces[each.block] = tuple(rest)
+        return replace(load, points=points, forces=forces, pressures=())
+
+    return scene._copy(dead=of(scene.dead), live=of(scene.live))
