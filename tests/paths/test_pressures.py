@@ -41,14 +41,16 @@ def moment(pressure: Pressure, angle: Any, pressures: str) -> Any:
 
 
 @pytest.mark.parametrize("pressures", ["turning", "keeping"])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", ["both", *(pytest.param(x, marks=pytest.mark.exhaustive) for x in ("live", "dead"))]
+)
 def test_a_block_under_pressure_turns_about_its_toe(
     case: str, pressures: Any, tmp_path: File
 ) -> None:
     dead, live = CASES[case]
     block = single_block((B, WIDTH, H), friction=5.0).with_live(live)
     scene = block.with_dead(Load(gravity=DOWN, pressures=dead))
-    path = pushover(scene, pressures=pressures)
+    path = pushover(scene, step=0.05, pressures=pressures)
     angle, weight = np.array([x.displacements["b1"][4] for x in path]), scene.total_weight
     left = weight * RADIUS * np.sin(UPRIGHT - angle)
     left -= sum(moment(x, angle, pressures) for x in dead)
@@ -60,7 +62,7 @@ def test_a_block_under_pressure_turns_about_its_toe(
     said = {"turning": "turn with them", "keeping": "keep their direction"}[pressures]
     assert said in path.notes[0]
     assert path.work is not None
-    assert abs(path.work.difference) < 1e-3
+    assert abs(path.work.difference) < 5e-3
     for shown in path:
         assert shown.bracket is not None
         assert shown.bracket.is_proved
@@ -75,7 +77,7 @@ def test_a_block_under_pressure_turns_about_its_toe(
 
 def test_one_step_of_a_turning_push_equals_many() -> None:
     scene = single_block((1.0, WIDTH, H), friction=5.0).with_live(Load(pressures=[WIND]))
-    for step in (0.3, 0.05):
+    for step in (0.3, 0.1):
         path = pushover(scene, step=step, until=1.0, certify="none")
         angle = np.array([x.displacements["b1"][4] for x in path])
         left = scene.total_weight * np.hypot(0.5, 0.5) * np.sin(np.pi / 4 - angle)

@@ -60,6 +60,9 @@ class Followed:
         "NAME", "Pressures stay on their faces: turning with them (default), or keeping their "
         "direction."
     )  # fmt: skip
+    stretch: float | None = option(
+        "S", "Share of its length by which a tie is stretched before it is gone; 0 unless given."
+    )  # fmt: skip
     code_check: float | None = option(
         "FC", "Report the displacement check of Circolare 7/2019 with this confidence factor."
     )
@@ -91,7 +94,7 @@ def pushover_command(asked: Followed) -> ExitCode:
         begin = _begin(asked.scene)
         return pushover(
             begin, asked.step, asked.until, flow, control, pressures=pressures,
-            progress=with_result(tell),
+            stretch=asked.stretch, progress=with_result(tell),
         )  # fmt: skip
 
     path = interruptible(followed)

@@ -8,11 +8,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray, rotation
 from cvxlimit.base.checks import finite_vector
 from cvxlimit.dynamics.record import Record
 from cvxlimit.errors import InputError, SolverError
-from cvxlimit.paths.path import rotation
 from cvxlimit.scene import Scene
 
 Ending = Literal["falls", "stands", "moves"]

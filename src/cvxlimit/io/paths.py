@@ -46,11 +46,19 @@ _AXES = [f"{axis}_{along}" for axis in ("t1", "t2", "n") for along in "xyz"]
 _POINT = ("a", "b", "x", "y", "z", *_AXES, "gap", "slip_1", "slip_2", "friction", "n", "v_1", "v_2")
 """Columns of a point: blocks by number, place, axes, gap, slip, friction, force."""
 
-_ROWS = listed(row(_POINT, ANY_FINITE), "point {i} of {where}")
+_BOUND = (*_POINT, "cohesion", "most")
+"""Those where some joint has cohesion (a force), or a tie its largest force; 0 for none."""
+
+_ROWS, _BOUND_ROWS = (
+    listed(row(names, ANY_FINITE), "point {i} of {where}") for names in (_POINT, _BOUND)
+)
 
 
 def _points(value: object, where: str, owner: str) -> JsonObject:
-    rows = np.array(_ROWS.read(value, where, owner), dtype=float).reshape(-1, len(_POINT))
+    first: Any = value[0] if isinstance(value, list) and value else None
+    is_bound = isinstance(first, list) and len(first) == len(_BOUND)
+    form, names = (_BOUND_ROWS, _BOUND) if is_bound else (_ROWS, _POINT)
+    rows = np.array(form.read(value, where, owner), dtype=float).reshape(-1, len(names))
     blocks = rows[:, :2].astype(int)
     if (blocks != rows[:, :2]).any():
         raise InputError(f"a and b of {where} must be numbers of blocks")
@@ -58,13 +66,22 @@ def _points(value: object, where: str, owner: str) -> JsonObject:
         blocks[:, 0], blocks[:, 1], rows[:, 2:5], rows[:, 5:14].reshape(-1, 3, 3), rows[:, 14],
         rows[:, 15:17], rows[:, 17],
     )  # fmt: skip
-    return {"points": points, "forces": rows[:, 18:]}
+    if is_bound:
+        most = np.where(rows[:, 22] > 0.0, rows[:, 22], np.inf)
+        points = replace(points, cohesion=rows[:, 21], most=most)
+    return {"points": points, "forces": rows[:, 18:21]}
 
 
 def _rows_of(c: Configuration, *place: str) -> Any:
     p, k = c.points, len(c.points)
     parts = p.a, p.b, p.at, p.axes.reshape(k, 9), p.gap, p.slip, p.friction, c.forces
-    return _ROWS.write(np.column_stack(parts), *place)
+    if not p.is_bound:
+        return _ROWS.write(np.column_stack(parts), *place)
+    most = np.where(np.isfinite(p.most), p.most, 0.0)
+    return _BOUND_ROWS.write(np.column_stack([*parts, p.cohesion, most]), *place)
+
+
+_POINTS: JsonObject = {"anyOf": [_ROWS.schema, _BOUND_ROWS.schema]}
 
 
 FINITE = plain(lambda value, where: number(value, where, ANY_FINITE), {"type": "number"})
@@ -82,7 +99,7 @@ CONFIGURATION = record(
         "w": Key(FINITE),
         "load_factor": Key(FINITE),
         "displacements": Key(MECHANISM),
-        "points": Key(Form(_points, _rows_of, _ROWS.schema), is_needed=True, is_several=True),
+        "points": Key(Form(_points, _rows_of, _POINTS), is_needed=True, is_several=True),
         "bracket": Key(nullable(BRACKET), is_needed=True),
         "widest_gap": Key(FINITE, is_needed=True),
         "residual": Key(FIGURE, is_needed=True),
@@ -93,6 +110,23 @@ CONFIGURATION = record(
 )
 _WORK = row(Work._fields, ANY_FINITE)
 WORK = Form(lambda *given: Work(*_WORK.read(*given)), _WORK.write, _WORK.schema)
+
+
+def _failure(value: object, where: str) -> tuple[float, str]:
+    entry = fields(value, where, ("w", "what"))
+    return number(entry["w"], f"w of {where}", ANY_FINITE), text(entry["what"], f"what of {where}")
+
+
+FAILURE = plain(
+    _failure,
+    {
+        "type": "object",
+        "properties": {"w": {"type": "number"}, "what": TEXT.schema},
+        "required": ["w", "what"],
+        "additionalProperties": False,
+    },
+    lambda failure, _: {"w": float(failure[0]), "what": failure[1]},
+)
 
 
 def _control(value: object, where: str) -> tuple[str, tuple[float, ...]]:
@@ -126,6 +160,7 @@ def _path(
         return path
     with refusals("halved: "):
         shared = {"flow": path.flow, "control": path.control, "until": path.until}
+        shared |= {"stretch": path.stretch}
         fine = _run(scene, initial, **halved, **shared)  # type: ignore[arg-type]
     return replace(path, halved=fine)
 
@@ -166,6 +201,7 @@ RUN = {
     "work": Key(nullable(WORK), "{key}"),
     "slides": Key(FLAG, "{key}"),
     "notes": Key(listed(TEXT), "{key}"),
+    "failures": Key(listed(FAILURE, "failure {i}"), "{key}"),
 }
 """What a path has of its own, beside the run with half the step."""
 
@@ -181,6 +217,7 @@ PATH: Document[Displacements] = Document(
             "flow": Key(choice(get_args(Flow)), "{key}"),
             "control": Key(nullable(CONTROL), "{key}"),
             "until": Key(FINITE, "{key}"),
+            "stretch": Key(FIGURE, "{key}"),
             "halved": Key(nullable(record(Displacements, RUN, dict)), "{key}"),
         },
         _path,

@@ -243,8 +243,8 @@ def code_check(
         common centroid.
     local_failure : float or None
         Displacement of the control point at which something fails before the mechanism does, such
-        as a beam that slips off its seat. A snap that costs more than half of the largest load
-        factor counts as such a failure by itself.
+        as a beam that slips off its seat. A snap, a tie that breaks and cohesion that is lost count
+        as such failures by themselves if they cost more than half of the largest load factor.
     q : float
         Behaviour factor of the linear check at SLV.
     motions : sequence of Shaking
@@ -291,6 +291,9 @@ def code_check(
     half = 0.5 * path.load_factor.max()
     drops = [k for _, k in path.pieces[:-1] if path.load_factor[k - 1] - path.load_factor[k] > half]
     failures = [(path.displacement[k - 1], "a snap costs more than half of it") for k in drops]
+    for k, what in enumerate(path.failed):
+        if what and path.load_factor[k - 1] - path.load_factor[k] > half:
+            failures.append((path.displacement[k - 1], f"{what} costs more than half of it"))
     if local_failure is not None:
         failures.append((positive(local_failure, "local failure"), "the local failure given"))
 

@@ -64,6 +64,11 @@ solvers measure it by objectives of 1e-6 at least. A point that should carry not
 over its gap at most, which is what keeps the load factor of a hinge from being exact."""
 
 
+def shear_scale(friction: FloatArray, cohesion: FloatArray) -> FloatArray:
+    """Returns what one unit of v is (k,): friction, and 1 where cohesion acts without it."""
+    return np.where((friction == 0.0) & (cohesion > 0.0), 1.0, friction)
+
+
 def point_forces(
     contacts: Contacts, is_stated: bool = False, held: FloatArray | None = None
 ) -> ForceModel:
@@ -71,12 +76,17 @@ def point_forces(
 
     With v scaled by mu the cone implies n >= 0 however small the friction is. ``is_stated`` says
     that the cone is a row of the problem, so that n >= 0 needs none; certificates have it besides.
-    If ``held`` (k,) is given, friction is limited by |v| <= held instead.
+    If ``held`` (k,) is given, friction is limited by |v| <= held instead. Cohesion, a force c per
+    point, adds c / mu to that bound.
     """
-    each, mu = np.arange(len(contacts)), contacts.friction
-    parts = [Part("n", {"N": 1}, each, nonneg=not is_stated), Part("v1", {"V1": mu}, each),
-             Part("v2", {"V2": mu}, each)]  # fmt: skip
-    most = {"n": 1.0} if held is None else {CONSTANT: held}
+    each, scale = np.arange(len(contacts)), shear_scale(contacts.friction, contacts.cohesion)
+    parts = [Part("n", {"N": 1}, each, nonneg=not is_stated), Part("v1", {"V1": scale}, each),
+             Part("v2", {"V2": scale}, each)]  # fmt: skip
+    most: dict[str, Any] = {"n": 1.0} if held is None else {CONSTANT: held}
+    if (bound := contacts.cohesion > 0.0).any():
+        share = np.where(contacts.friction > 0.0, 1.0, ~bound)
+        own = np.where(bound, contacts.cohesion * contacts.area / np.where(bound, scale, 1.0), 0.0)
+        most = {"n": share, CONSTANT: own} if held is None else {CONSTANT: held * share + own}
     return ForceModel(contacts, parts, [Condition([Norm({"v1": 1}, {"v2": 1})], most, each)])
 
 
@@ -252,6 +262,8 @@ class Increment:
             sides=np.full((n, 2), np.nan),
             area=np.full(n, size**2),
             friction=points.friction,
+            cohesion=points.cohesion / size**2,
+            most=points.most,
         )
         contacts.__dict__["torsion_arm"] = np.full(n, size)
         number = np.full(len(scene.blocks), -1)
@@ -266,13 +278,14 @@ class Increment:
     def problem(self, goal: Goal = LARGEST_FACTOR, held: FloatArray | None = None) -> LimitProgram:
         """Returns the problem with a ``goal``, and with friction limited by ``held`` (k,) if
         given."""
-        formulation = partial(point_forces, is_stated=held is None, held=held)
+        is_stated = held is None and not self.points.is_bound
+        formulation = partial(point_forces, is_stated=is_stated, held=held)
         return LimitProgram(self.assemblage, [Rocking()], formulation=formulation, goal=goal)
 
     def goal(self, push: Any, gap: Any, slip: tuple[Any, Any]) -> Callable[[Stated], Any]:
         """Returns the function that states the objective of the module's text, in units of the
         scaling."""
-        scaling, mu = self.assemblage.scaling, self.points.friction
+        scaling, mu = self.assemblage.scaling, self._scale
         unit = scaling.length
 
         def stated(found: Stated) -> Any:
@@ -339,6 +352,10 @@ class Increment:
         return self.goal(push, gap, (slip[:, 0], slip[:, 1]))
 
     @property
+    def _scale(self) -> FloatArray:
+        return shear_scale(self.points.friction, self.points.cohesion)
+
+    @property
     def _ladder(self) -> tuple[SolverSettings, ...]:
         """The solvers of an iterate, the last of which is Clarabel."""
         return (*blockwise(max(_GAP * len(self.points), 1e-12)), LADDER[-1])
@@ -346,14 +363,15 @@ class Increment:
     def _run(
         self, problem: LimitProgram, ladder: Sequence[SolverSettings], near: Near | None = None
     ) -> Found | Outcome:
-        scaling, mu, program = self.assemblage.scaling, self.points.friction, problem.program
-        memory: dict[str, Any] = {"starts": [] if near is None else near.starts(program)}
+        scaling, scale, program = self.assemblage.scaling, self._scale, problem.program
+        is_near = near is not None and not self.points.is_bound
+        memory: dict[str, Any] = {"starts": near.starts(program) if near and is_near else []}
         for settings in ladder:
             outcome, x, y = program.solve(settings, memory, is_warm=False)
             state = problem.state(outcome, x, y)
             if y is not None and state.mechanism is not None and state.internal is not None:
                 n, v1, v2 = state.internal.reshape(3, -1)
-                forces = np.stack([n, mu * v1, mu * v2], axis=1)
+                forces = np.stack([n, scale * v1, scale * v2], axis=1)
                 d = state.mechanism * (scaling.live * scaling.length)
                 way = tuple(at for _, at in sorted(memory.get("way", {}).items()))
                 return Found(outcome, float(state.load_factor or 0.0), forces, d, way, y)

@@ -8,14 +8,13 @@ from typing import Self
 
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray, rotation
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import planes
 from cvxlimit.geometry.facing import Reach
 from cvxlimit.geometry.mesh import area_vectors
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.polygons import members_of
-from cvxlimit.paths.path import rotation
 from cvxlimit.scene import Scene
 
 OPPOSED = -0.5

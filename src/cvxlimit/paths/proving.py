@@ -37,7 +37,7 @@ from cvxlimit.scene.starting import begun
 
 _LOOKED_AT = (
     "initial", "configurations", "status", "flow", "step", "snaps", "work", "slides", "control",
-    "halved", "until",
+    "halved", "until", "failures", "stretch",
 )  # fmt: skip
 
 
@@ -70,7 +70,7 @@ def _configuration_checks(path: Path, which: str) -> Iterator[Check]:
     """Checks the configurations of one run, which is called ``which``, and its area and
     potential."""
     size = path.scene.contacts.typical_size
-    walk = Walk(path.scene, "none", REACH * size, lambda line: None, path.flow)
+    walk = Walk(path.scene, "none", REACH * size, lambda line: None, path.flow, path.stretch)
     walk.resume(path)
     wrong = set[int]()
     for i in range(len(path)):
@@ -105,6 +105,11 @@ def _course_checks(walk: Walk, path: Path, which: str) -> Iterator[Check]:
     slides = any(found.slides for found in walk.found)
     claims, is_met = ("no joint slides", "joints slide"), path.slides == slides
     yield follows(f"{claims[path.slides]}{which}", is_met, "" if is_met else claims[slides])
+    lost = walk.failures()
+    is_met = lost == path.failures
+    said = f"{len(path.failures)} joints and ties that came apart{which}"
+    if lost or path.failures:
+        yield follows(said, is_met, "" if is_met else f"found are {len(lost)}")
     yield _jumps(walk, path, which)
     yield _ending(walk, path, which)
 
@@ -168,9 +173,9 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     if i > 0:
         before = walk.found[i - 1]
         start = Start.at(walk.facets, before.pose, before.loose)
-    points = start.points(pose)
+    points = replace(start, bonds=walk.bonds_at(i)).points(pose)
     n, friction = here.forces[:, 0], np.linalg.norm(here.forces[:, 1:], axis=1)
-    is_strange = ~_are_among(here.points, points, size)
+    is_strange = ~_are_among(here.points, points, size, loads.size)
     if (n[is_strange] > SLACK * n.max(initial=0.0)).any():
         yield "points", "some that bear are none of the blocks as they are displaced"
 
@@ -186,7 +191,8 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
         yield "equilibrium", f"forces miss it by {residual.max() / dead_load:.1e} of the dead load"
 
     # No tension, and friction within its cone.
-    excess = np.maximum(-n, friction - here.points.friction * n).max(initial=0.0)
+    most = here.points.friction * n + here.points.cohesion
+    excess = np.max([-n, friction - most, n - here.points.most], initial=0.0)
     if not excess <= RESIDUAL * dead_load:
         yield "friction", f"forces exceed it by {excess / dead_load:.1e} of the dead load"
 
@@ -220,15 +226,18 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
             yield f"{end} bound {claimed:.9g}", f"{found:.9g} is shown"
 
 
-def _are_among(held: Points, found: Points, size: float) -> BoolArray:
+def _are_among(held: Points, found: Points, size: float, force: float) -> BoolArray:
     """Returns which of the points held (k,) are among those found: of the same blocks, at the same
-    place, with the same normal, gap, friction and, in size, slip."""
+    place, with the same normal, gap, friction, cohesion, strength and, in size, slip."""
     features = [
         (
-            p.at / size, p.axes[:, 2], p.gap[:, None] / size, p.friction[:, None],
+            p.at / size, p.axes[:, 2], gap[:, None] / size, p.friction[:, None],
             np.linalg.norm(p.slip, axis=1)[:, None] / size, p.a[:, None], p.b[:, None],
+            p.cohesion[:, None] / force, (force / p.most)[:, None],
         )
         for p in (held, found)
+        # a tie that yields is longer than it was, by as much as the step has it
+        for gap in (np.where(np.isfinite(p.most), np.maximum(p.gap, 0.0), p.gap),)
     ]  # fmt: skip
     own, others = (np.concatenate(parts, axis=1) for parts in features)
     return np.array([(np.abs(others - row).max(axis=1) <= CLOSED).any() for row in own], dtype=bool)

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import count, is_number, positive
+from cvxlimit.base.checks import count, is_number, not_negative, positive
 from cvxlimit.errors import InputError, ModelError, NoAnswerError
 from cvxlimit.methods.solving import solve
 from cvxlimit.paths.following import REACH, Walk
@@ -48,12 +48,14 @@ def pushover(
     halvings: int = 1,
     within: float = 0.02,
     pressures: Literal["turning", "keeping"] | None = None,
+    stretch: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Path:
     """The path of a structure after its collapse load factor, in finite displacements.
 
     The live load's points of action are moved on step by step; blocks move exactly, contacts open,
-    close and appear, and the load factor is what holds each configuration. Friction is taken at
+    close and appear, and the load factor is what holds each configuration. A joint has lost its
+    cohesion for good once it has opened or slid (``path.failures``). Friction is taken at
     points, so that the first load factor differs from that of :func:`cvxlimit.solve`, which is
     ``path.initial``. A bracket proves what its configuration carries, not that the structure
     gets there.
@@ -91,6 +93,10 @@ def pushover(
         What pressures do that stay, as large as they are, on the faces that they are found on: turn
         with them, as water does, or keep their direction; these are point loads of ``path.scene``
         from then on. None: turning, and of a path to go on from as they are.
+    stretch : float or None
+        How far a tie is stretched at its strength before it is gone, as a share of its length: a
+        material's elongation at rupture. None: 0, a tie is gone once it has yielded; of a path to
+        go on from as before.
     progress : callable or None
         Called with a line of text for every configuration.
 
@@ -108,7 +114,7 @@ def pushover(
     GeometryError
         For blocks that touch nothing, not even at an edge.
     ModelError
-        For cohesion, tensile or compressive strength and ties, and for unknown choices.
+        For tensile or compressive strength and reactions, and for unknown choices.
 
     Example
     -------
@@ -144,6 +150,8 @@ def pushover(
             positive(length, name)
     count(halvings, 0, "halvings")
     positive(within, "within")
+    stretch = (before.stretch if before else 0.0) if stretch is None else stretch
+    not_negative(stretch, "stretch")
     if not is_number(until):
         raise ModelError(f"until must be a load factor, got {until!r}")
     is_own, kind = step is None, flow or (before.flow if before else "associated")
@@ -167,7 +175,7 @@ def pushover(
     ) -> Path:
         walk = Walk(
             scene, certify, reach or REACH * scene.contacts.typical_size,
-            lambda line: tell(f"{said}{line}"), kind,
+            lambda line: tell(f"{said}{line}"), kind, stretch,
         )  # fmt: skip
         if begin is not None:
             walk.resume(begin)
@@ -188,10 +196,16 @@ def pushover(
         turn = bool(scene.dead.pressures or scene.live.pressures)
         notes = [DISPLACED] * (initial is None) + [TURN] * turn + [KEEP] * keeps
         notes += [SLIDES[kind]] * slides
+        failures = walk.failures()
+        if failures:
+            torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])
+            more = f" and {len(failures) - 3} more" if failures[3:] else ""
+            notes.append(f"gone from there on: {torn}{more}")
         longest = begin.step if begin is not None and len(begin) > 1 else 0.0
         return Path(
             initial, tuple(x.shown for x in walk.found), *ending, kind, max(walk.step, longest),
             tuple(walk.snaps), walk.work(), slides, about, tuple(notes), until=float(until),
+            failures=failures, stretch=stretch,
         )  # fmt: skip
 
     path = replace(follow(step, begin), halved=None)

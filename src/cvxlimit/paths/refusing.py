@@ -30,12 +30,12 @@ def refuse(scene: Scene) -> None:
     """Scenes of which no path is known yet, each with the way round."""
     contacts, has = scene.contacts, None
     way = "leave it out"
-    if contacts.is_point.any():
-        first = contacts.names[int(np.argmax(contacts.is_point))]
-        has = f"{'ties' if scene.ties else 'reactions'}, as {first}"
+    if scene.reactions:
+        first = contacts.names[int(np.flatnonzero(contacts.is_point)[len(scene.ties)])]
+        has = f"reactions, as {first}"
         way = "give the force that it is to have as a point load, which moves with its block"
     for name, none in (
-        ("cohesion", 0.0), ("tensile_strength", 0.0), ("compressive_strength", np.inf)
+        ("tensile_strength", 0.0), ("compressive_strength", np.inf)
     ):  # fmt: skip
         value = np.asarray(getattr(contacts, name))
         if has is None and (value != none).any():
@@ -46,8 +46,8 @@ def refuse(scene: Scene) -> None:
             has = has or f"inertia that grows with height in the {name} load"
     if has:
         raise ModelError(
-            f"scene {scene.name!r} has {has}: paths know dry friction, and loads that do not turn "
-            f"with the blocks; {way}, or solve for the load factor alone"
+            f"scene {scene.name!r} has {has}: paths do not know these; {way}, or solve for the "
+            "load factor alone"
         )
 
 

@@ -8,10 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray, IntArray, rotation
 from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
-from cvxlimit.paths.path import rotation
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import (
