@@ -244,7 +244,9 @@ def test_what_came_apart_stands_in_curve_and_table(torn: Path) -> None:
     [
         (lambda p: replace(p, failures=()), "came apart"),
         (lambda p: replace(p, failures=((0.0, "tie anchor-b1"),)), "came apart"),
+        (lambda p: replace(p, failures=((0.0, "tie nowhere"),)), "came apart"),
         (lambda p: replace(p, stretch=0.5), "came apart"),
+        (lambda p: replace(p, stretch=0.01), "came apart"),
         (lambda p: with_points(p, 1, most=2.0), "points of configuration 1"),
         (lambda p: with_points(p, 5, cohesion=1.0), "points of configuration 5"),
     ],

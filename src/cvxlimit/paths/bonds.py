@@ -1,16 +1,18 @@
 """What holds displaced blocks together besides friction: cohesion, and ties.
 
 Cohesion of a joint is shared by the points at which it touches, and is gone for good once its
-blocks have moved against each other. A tie is a straight member between two points of blocks: a
-point of contact whose compression is the tie's tension, whose normal points along the tie from b to
-a, and whose gap is what the tie is slack by, with a largest force. It yields at its strength and is
-longer from then on, until it is stretched by more than it bears: then it is gone.
+blocks have moved against each other, or would move with it. A tie is a straight member between two
+points of blocks: a point of contact whose compression is the tie's tension, whose normal points
+along the tie from b to a, and whose gap is what the tie is slack by, with a largest force. It
+yields at its strength and is longer from then on, until it is stretched by more than it bears: then
+it is gone.
 
 Arrays are over J joints with cohesion, and T ties.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -66,9 +68,9 @@ class Bonds:
     @property
     def names(self) -> list[str]:
         """Of the joints, then of the ties."""
-        names = self.scene.contacts.names
-        joints = [f"cohesion of {names[j]}" for j in self._joints.tolist()]
-        return joints + [f"tie {tie.a}-{tie.b}" for tie in self.scene.ties]
+        contacts, count = self.scene.contacts, len(self.scene.ties)
+        joints = [f"cohesion of {contacts.names[j]}" for j in self._joints.tolist()]
+        return joints + [contacts.names[j] for j in np.flatnonzero(contacts.is_point)[:count]]
 
     def _lines(self, pose: Pose) -> tuple[FloatArray, FloatArray]:
         """Both anchors of the ties (T, 3) at a pose."""
@@ -91,6 +93,13 @@ class Bonds:
             is_whole=self.is_whole & (moved[self._joints] <= CLOSED * size),
             length=np.where(is_torn, np.nan, self.length),
         )
+
+    def without(self, names: Collection[str]) -> Bonds:
+        """Returns those that are not among the ``names``."""
+        gone = np.isin(self.names, [*names])
+        count = len(self.is_whole)
+        length = np.where(gone[count:], np.nan, self.length)
+        return replace(self, is_whole=self.is_whole & ~gone[:count], length=length)
 
     def after(self, pose: Pose) -> Bonds:
         """Returns those that hold from a pose on, where ties that have yielded stay longer."""

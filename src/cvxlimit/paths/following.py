@@ -259,11 +259,15 @@ class Walk:
     def resume(self, path: Path) -> None:
         """Take over the configurations of a path, to go on from its end."""
         free, self.snaps, self.step = self.scene.free, [*path.snaps], path.step
+        before = 0.0
         for shown in path:
             ways = np.array([shown.displacements[self.scene.blocks[i].id] for i in free])
             pose = self.begin.pose.moved(free, ways)
             bonds = self.found[-1].bonds if self.found else self.begin.bonds
-            bonds = bonds and bonds.holding(pose).after(pose)
+            if bonds is not None:
+                lost = [what for at, what in path.failures if self.found and at == before]
+                bonds = bonds.without(lost).after(pose)
+            before = shown.w
             self.found.append(At(pose, shown, *self._slid(shown), bonds))
 
     def proved(self, found: At) -> At:

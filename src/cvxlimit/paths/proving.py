@@ -105,13 +105,27 @@ def _course_checks(walk: Walk, path: Path, which: str) -> Iterator[Check]:
     slides = any(found.slides for found in walk.found)
     claims, is_met = ("no joint slides", "joints slide"), path.slides == slides
     yield follows(f"{claims[path.slides]}{which}", is_met, "" if is_met else claims[slides])
-    lost = walk.failures()
-    is_met = lost == path.failures
-    said = f"{len(path.failures)} joints and ties that came apart{which}"
-    if lost or path.failures:
-        yield follows(said, is_met, "" if is_met else f"found are {len(lost)}")
+    if walk.begin.bonds is not None or path.failures:
+        yield _apart(walk, path, which)
     yield _jumps(walk, path, which)
     yield _ending(walk, path, which)
+
+
+def _apart(walk: Walk, path: Path, which: str) -> Check:
+    """What has moved holds no longer, and a tie that is gone was stretched by more than it
+    bears."""
+    found, lost = "", walk.failures()
+    if lost != path.failures:
+        found = f"there are {len(lost)}"
+    for before, at in pairwise(walk.found):
+        if before.bonds is None or at.bonds is None:
+            continue
+        if still := at.bonds.lost(at.bonds.holding(at.pose)):
+            found = f"{still[0]} has moved as well"
+        torn = before.bonds.lost(before.bonds.holding(at.pose))
+        if whole := [x for x in before.bonds.lost(at.bonds) if x[:3] == "tie" and x not in torn]:
+            found = f"{whole[0]} still holds at w = {at.shown.w:.6g}"
+    return follows(f"{len(path.failures)} joints and ties that came apart{which}", not found, found)
 
 
 def _jumps(walk: Walk, path: Path, which: str) -> Check:
