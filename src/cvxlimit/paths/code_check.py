@@ -17,6 +17,7 @@ from cvxlimit.base.attached import attached
 from cvxlimit.base.checks import first_twice, of_type, positive
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
+from cvxlimit.geometry.mesh import second_moments
 from cvxlimit.paths.following import configuration_at
 from cvxlimit.paths.path import Configuration, Path
 from cvxlimit.scene import METRES, Scene, Units
@@ -219,6 +220,7 @@ def code_check(
     local_failure: float | None = None,
     q: float = 2.0,
     motions: Sequence[Any] = (),
+    own_inertia: bool = False,
 ) -> CodeCheck:
     """The displacement check of a local mechanism, after Circolare 7/2019, C8.7.1.
 
@@ -252,6 +254,10 @@ def code_check(
         different records or more: the mean of their largest displacements stands beside that of the
         control point at SLV. With fewer, or where one falls or is not decided, the row says what is
         missing. Whether the records' spectra are those of the site is not checked.
+    own_inertia : bool
+        False: every block or group is one weight at its centroid, as the code has it. True: dx is
+        taken over the whole of each body, whose parts move by different amounts as it turns, so
+        that neither courses nor groups change e*.
 
     Raises
     ------
@@ -274,13 +280,17 @@ def code_check(
         )
     gravity = positive(g, "g") / metre
     along, size = _push(scene)
-    weight, rate = _moving(path, along, groups)
+    weight, rate, spread = _moving(path, along, groups)
     total, first, second = weight.sum(), weight @ rate, weight @ rate**2
+    if own_inertia:
+        second += spread
     over = f"{path.load_factor[0] / (path.initial.load_factor or np.inf) - 1.0:+.1%}"
     whole, (path, notes) = path, _finer(path)
     refused = next((x.headline for x in (whole, path) if x.slides_away), "")
     if path.slides and not refused:
         notes = (f"on the path {path.headline}", *notes)
+    if own_inertia:
+        notes = (*notes, "e* is over the bodies, which turn, and not of weights at their centroids")
     if over[1:] != "0.0%":
         notes = (*notes, f"friction acts at points, which changes a0* by {over} against solve's")
     e_star = first**2 / (total * second)
@@ -369,8 +379,9 @@ def _push(scene: Scene) -> tuple[FloatArray, float]:
 
 def _moving(
     path: Path, along: FloatArray, groups: Iterable[Iterable[str]]
-) -> tuple[FloatArray, FloatArray]:
-    """Weights of blocks and groups that move in the initial mechanism, and their rates."""
+) -> tuple[FloatArray, FloatArray, float]:
+    """Weights of blocks and groups that move in the initial mechanism, and their rates; and what
+    the sum of weights times squared rates lacks of that over the bodies themselves."""
     scene, found = path.scene, (path.initial and path.initial.mechanism) or {}
     free = [scene.blocks[i] for i in scene.free]
     rates = np.array([found.get(block.id, np.zeros(6)) for block in scene.blocks])
@@ -399,7 +410,13 @@ def _moving(
     parts = [own for own in parts if speed[own].max() > VISIBLE * speed.max()]
     together = np.array([weight[own].sum() for own in parts])
     pushed = np.array([weight[own] @ rates[own, :3] @ along for own in parts])
-    return together, pushed / together
+    # over a body (dx + q . r)^2, q = along x rotation; and its blocks about their group's centroid
+    over = 0.0
+    for i in (i for own in parts for i in own):
+        q, arms = np.cross(along, rates[i, 3:]), free[i].vertices - free[i].centroid
+        over += weight[i] / free[i].volume * float(q @ second_moments(arms, free[i].faces) @ q)
+        over += weight[i] * float(rates[i, :3] @ along) ** 2
+    return together, pushed / together, over - float(pushed @ (pushed / together))
 
 
 def _at_control(path: Path, along: FloatArray) -> float:
