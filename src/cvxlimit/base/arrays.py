@@ -55,13 +55,3 @@ class RemadeFromFields:
         given = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
         plain = {name: dict(x) if isinstance(x, Mapping) else x for name, x in given.items()}
         return partial(type(self), **plain), ()
-
-
-def rotation(vector: FloatArray) -> FloatArray:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3): Rodrigues' formula."""
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    x, y, z = np.moveaxis(np.asarray(vector), -1, 0)
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
-    half = np.sinc(angle / (2.0 * np.pi))  # sinc keeps all digits near 0
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * cross @ cross)
