@@ -25,10 +25,11 @@ def turned(angle: float, x: Array) -> Array:
 
 
 def leaning(
-    one: tuple[float, float], other: tuple[float, float], apart: float, w: float
-) -> tuple[float, float, float]:
-    """Two blocks (b, h) without friction between them, the first pushed over its toe until its top
-    meets the second's side: the load factor at mean displacement w, and both angles.
+    one: tuple[float, float], other: tuple[float, float], apart: float, w: float,
+    friction: float = 0.0,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Two blocks (b, h), the first pushed over its toe until its top meets the second's side, along
+    which it slides down against friction: the load factor at mean displacement w, and both angles.
 
     Toes at 0 and at ``apart`` + the second's width; equal weight per area.
     """
@@ -56,8 +57,9 @@ def leaning(
 
     first = float(brentq(moved, 0.0, 0.5, xtol=1e-15))
     angle = of_second(first)
-    # Moments about both toes, the first's corner pressing with N along the second's normal.
-    face = turned(angle, np.array([1.0, 0.0]))
+    # Moments about both toes, the first's corner pressing with N along the second's normal, and
+    # dragging down along its side.
+    face = turned(angle, np.array([1.0, -friction]))
     at = turned(first, corner)
     levers = [at[0] * -face[1] + at[1] * face[0], (at - second)[0] * -face[1] + at[1] * face[0]]
     x, z = centres(first).T

@@ -38,6 +38,21 @@ def test_grouped_courses_count_as_one_block() -> None:
         assert getattr(grouped, name) == pytest.approx(getattr(one, name), rel=1e-8)
 
 
+@pytest.mark.parametrize("groups", [[], [["c0", "c1"]], [["c0", "c1", "c2"]]])
+@pytest.mark.parametrize("courses", [1, 3])
+def test_with_their_own_inertia_neither_courses_nor_groups_matter(
+    courses: int, groups: list[list[str]]
+) -> None:
+    """Displacements that grow with height z from 0 at the toe: (z)^2 / (z^2) in the mean is 3/4."""
+    groups = groups if courses == 3 else []
+    check, n = checked(courses, groups=groups, own_inertia=True), 1e9
+    assert check.e_star == pytest.approx(0.75, rel=1e-8)
+    assert check.e_star == pytest.approx(3 * n**2 / (4 * n**2 - 1), rel=1e-8)
+    assert check.d0 == pytest.approx(B / 2 / 0.75, rel=1e-8)
+    assert pytest.approx(1.384597, abs=2e-6) == check.T_SLV
+    assert "over the bodies" in str(check)
+
+
 def test_periods_grow_with_the_confidence_factor_and_not_with_units_or_the_push() -> None:
     one = checked(3)
     for scene in (

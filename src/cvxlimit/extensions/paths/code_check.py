@@ -19,6 +19,7 @@ from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.following import configuration_at
 from cvxlimit.extensions.paths.path import Configuration, Path
+from cvxlimit.geometry.mesh import second_moments
 from cvxlimit.scene import METRES, Scene, Units
 from cvxlimit.solution.kinematics import VISIBLE, corner_speeds
 
@@ -219,6 +220,7 @@ def code_check(
     local_failure: float | None = None,
     q: float = 2.0,
     motions: Sequence[Any] = (),
+    own_inertia: bool = False,
 ) -> CodeCheck:
     """The displacement check of a local mechanism, after Circolare 7/2019, C8.7.1.
 
@@ -243,8 +245,8 @@ def code_check(
         common centroid.
     local_failure : float or None
         Displacement of the control point at which something fails before the mechanism does, such
-        as a beam that slips off its seat. A snap that costs more than half of the largest load
-        factor counts as such a failure by itself.
+        as a beam that slips off its seat. A snap, a tie that breaks and cohesion that is lost count
+        as such failures by themselves if they cost more than half of the largest load factor.
     q : float
         Behaviour factor of the linear check at SLV.
     motions : sequence of Shaking
@@ -252,14 +254,24 @@ def code_check(
         different records or more: the mean of their largest displacements stands beside that of the
         control point at SLV. With fewer, or where one falls or is not decided, the row says what is
         missing. Whether the records' spectra are those of the site is not checked.
+    own_inertia : bool
+        False: every block or group is one weight at its centroid, as the code has it. True: dx is
+        taken over the whole of each body, whose parts move by different amounts as it turns, so
+        that neither courses nor groups change e*.
 
     Raises
     ------
     InputError
-        For a path that ends before the load factor is zero, a live load that is no horizontal
-        acceleration, a unit of length that cannot be converted, or groups that do not move as one.
+        For a path that ends before the load factor is zero or starts displaced, a live load that is
+        no horizontal acceleration, a unit of length that cannot be converted, or groups that do not
+        move as one.
     """
     scene = of_type(path, Path, "path must be a Path", "pushover(scene) makes one").scene
+    if path.initial is None:
+        raise InputError(
+            f"the code check is of a mechanism at rest, and the path of {scene.name!r} starts "
+            "displaced: follow the structure as it was before"
+        )
     factor, metre = positive(confidence_factor, "confidence factor"), METRES.get(scene.units.length)
     if metre is None:
         raise InputError(
@@ -268,13 +280,17 @@ def code_check(
         )
     gravity = positive(g, "g") / metre
     along, size = _push(scene)
-    weight, rate = _moving(path, along, groups)
+    weight, rate, spread = _moving(path, along, groups)
     total, first, second = weight.sum(), weight @ rate, weight @ rate**2
+    if own_inertia:
+        second += spread
     over = f"{path.load_factor[0] / (path.initial.load_factor or np.inf) - 1.0:+.1%}"
     whole, (path, notes) = path, _finer(path)
     refused = next((x.headline for x in (whole, path) if x.slides_away), "")
     if path.slides and not refused:
         notes = (f"on the path {path.headline}", *notes)
+    if own_inertia:
+        notes = (*notes, "e* is over the bodies, which turn, and not of weights at their centroids")
     if over[1:] != "0.0%":
         notes = (*notes, f"friction acts at points, which changes a0* by {over} against solve's")
     e_star = first**2 / (total * second)
@@ -285,6 +301,9 @@ def code_check(
     half = 0.5 * path.load_factor.max()
     drops = [k for _, k in path.pieces[:-1] if path.load_factor[k - 1] - path.load_factor[k] > half]
     failures = [(path.displacement[k - 1], "a snap costs more than half of it") for k in drops]
+    for k, what in enumerate(path.failed):
+        if what and path.load_factor[k - 1] - path.load_factor[k] > half:
+            failures.append((path.displacement[k - 1], f"{what} costs more than half of it"))
     if local_failure is not None:
         failures.append((positive(local_failure, "local failure"), "the local failure given"))
 
@@ -360,9 +379,10 @@ def _push(scene: Scene) -> tuple[FloatArray, float]:
 
 def _moving(
     path: Path, along: FloatArray, groups: Iterable[Iterable[str]]
-) -> tuple[FloatArray, FloatArray]:
-    """Weights of blocks and groups that move in the initial mechanism, and their rates."""
-    scene, found = path.scene, path.initial.mechanism or {}
+) -> tuple[FloatArray, FloatArray, float]:
+    """Weights of blocks and groups that move in the initial mechanism, and their rates; and what
+    the sum of weights times squared rates lacks of that over the bodies themselves."""
+    scene, found = path.scene, (path.initial and path.initial.mechanism) or {}
     free = [scene.blocks[i] for i in scene.free]
     rates = np.array([found.get(block.id, np.zeros(6)) for block in scene.blocks])
     speed = corner_speeds(scene, rates)[scene.free]
@@ -390,12 +410,18 @@ def _moving(
     parts = [own for own in parts if speed[own].max() > VISIBLE * speed.max()]
     together = np.array([weight[own].sum() for own in parts])
     pushed = np.array([weight[own] @ rates[own, :3] @ along for own in parts])
-    return together, pushed / together
+    # over a body (dx + q . r)^2, q = along x rotation; and its blocks about their group's centroid
+    over = 0.0
+    for i in (i for own in parts for i in own):
+        q, arms = np.cross(along, rates[i, 3:]), free[i].vertices - free[i].centroid
+        over += weight[i] / free[i].volume * float(q @ second_moments(arms, free[i].faces) @ q)
+        over += weight[i] * float(rates[i, :3] @ along) ** 2
+    return together, pushed / together, over - float(pushed @ (pushed / together))
 
 
 def _at_control(path: Path, along: FloatArray) -> float:
     """Rate of what the path measures as its displacement, in the initial mechanism."""
-    scene, found = path.scene, path.initial.mechanism or {}
+    scene, found = path.scene, (path.initial and path.initial.mechanism) or {}
     if path.control is None:
         push = [scene.blocks[i].weight * found[scene.blocks[i].id][:3] @ along for i in scene.free]
         return float(sum(push) / scene.total_weight)

@@ -36,6 +36,7 @@ from cvxlimit.cli.report import (
     write_rows,
 )
 from cvxlimit.cli.solving import scene_named
+from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.code_check import code_check
 from cvxlimit.extensions.paths.files import PATH
 from cvxlimit.extensions.paths.path import PROVES
@@ -68,6 +69,13 @@ class Followed:
         "NAME", "Flow rule of sliding joints: associated (default), or zero-dilatancy: none opens."
     )  # fmt: skip
     control: str | None = control_option("the mean displacement of the live load")
+    pressures: str | None = option(
+        "NAME", "Pressures stay on their faces: turning with them (default), or keeping their "
+        "direction."
+    )  # fmt: skip
+    stretch: float | None = option(
+        "S", "Share of its length by which a tie is stretched before it is gone; 0 unless given."
+    )  # fmt: skip
     code_check: float | None = option(
         "FC", "Report the displacement check of Circolare 7/2019 with this confidence factor."
     )
@@ -91,11 +99,15 @@ def pushover_command(asked: Followed) -> ExitCode:
     configuration."""
     written = files_asked(asked, "json", "csv", plot=[*_KINDS], report=(".html",))
     flow: Any = asked.flow
+    pressures: Any = asked.pressures
     control = named_block(asked.control)
 
     def followed(tell: Tell) -> Displacements:
         begin = _begin(asked.scene)
-        return pushover(begin, asked.step, asked.until, flow, control, progress=with_result(tell))
+        return pushover(
+            begin, asked.step, asked.until, flow, control, pressures=pressures,
+            stretch=asked.stretch, progress=with_result(tell),
+        )  # fmt: skip
 
     path = interruptible(followed)
     if asked.json is not None:
@@ -105,6 +117,11 @@ def pushover_command(asked: Followed) -> ExitCode:
         path.plot(_KINDS[asked.plot.suffix.lower()], asked.plot)
     check = None if asked.code_check is None else code_check(path, asked.code_check)
     if asked.report is not None:
+        if path.initial is None:
+            raise InputError(
+                f"--report {asked.report}: the path starts displaced, so that there is no solution "
+                "at rest to report: draw the path by --plot, or write it by --json"
+            )
         path.initial.of(path.scene).report(asked.report, path=path, check=check)
     show(_summary(path, written), Text(), _table(path), Text(one_line(f"{PROVES}")))
     if check is not None:
@@ -127,9 +144,10 @@ def _summary(path: Displacements, written: list[tuple[str, str]]) -> Table:
     return facts(
         [
             ("scene", path.scene.name),
-            ("load factor", f"{rounded(initial.load_factor or 0.0)} in {initial.bracket}, friction "
-             "over whole joints"),
-            ("on the path", f"{rounded(path.load_factor[0])} at rest, friction at points"),
+            ("load factor", "" if initial is None else f"{rounded(initial.load_factor or 0.0)} in "
+             f"{initial.bracket}, friction over whole joints"),
+            ("on the path", f"{rounded(path.load_factor[0])} at "
+             f"{'the start' if initial is None else 'rest'}, friction at points"),
             ("in short", path.headline),
             ("end", path.status + f": {path.reason}" * (path.reason != path.headline)),
             ("snaps at", ", ".join(f"w = {w:.6g} {unit}" for w in path.snaps)),

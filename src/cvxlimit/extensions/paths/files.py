@@ -11,6 +11,7 @@ from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.path import Configuration, Ending, Flow, Points, Work
 from cvxlimit.extensions.paths.path import Path as Displacements
+from cvxlimit.extensions.paths.starting import begun
 from cvxlimit.io.fields import (
     ANY_FINITE,
     FilePath,
@@ -45,11 +46,19 @@ _AXES = [f"{axis}_{along}" for axis in ("t1", "t2", "n") for along in "xyz"]
 _POINT = ("a", "b", "x", "y", "z", *_AXES, "gap", "slip_1", "slip_2", "friction", "n", "v_1", "v_2")
 """Columns of a point: blocks by number, place, axes, gap, slip, friction, force."""
 
-_ROWS = listed(row(_POINT, ANY_FINITE), "point {i} of {where}")
+_BOUND = (*_POINT, "cohesion", "most")
+"""Those where some joint has cohesion (a force), or a tie its largest force; 0 for none."""
+
+_ROWS, _BOUND_ROWS = (
+    listed(row(names, ANY_FINITE), "point {i} of {where}") for names in (_POINT, _BOUND)
+)
 
 
 def _points(value: object, where: str, owner: str) -> JsonObject:
-    rows = np.array(_ROWS.read(value, where, owner), dtype=float).reshape(-1, len(_POINT))
+    first: Any = value[0] if isinstance(value, list) and value else None
+    is_bound = isinstance(first, list) and len(first) == len(_BOUND)
+    form, names = (_BOUND_ROWS, _BOUND) if is_bound else (_ROWS, _POINT)
+    rows = np.array(form.read(value, where, owner), dtype=float).reshape(-1, len(names))
     blocks = rows[:, :2].astype(int)
     if (blocks != rows[:, :2]).any():
         raise InputError(f"a and b of {where} must be numbers of blocks")
@@ -57,13 +66,22 @@ def _points(value: object, where: str, owner: str) -> JsonObject:
         blocks[:, 0], blocks[:, 1], rows[:, 2:5], rows[:, 5:14].reshape(-1, 3, 3), rows[:, 14],
         rows[:, 15:17], rows[:, 17],
     )  # fmt: skip
-    return {"points": points, "forces": rows[:, 18:]}
+    if is_bound:
+        most = np.where(rows[:, 22] > 0.0, rows[:, 22], np.inf)
+        points = replace(points, cohesion=rows[:, 21], most=most)
+    return {"points": points, "forces": rows[:, 18:21]}
 
 
 def _rows_of(c: Configuration, *place: str) -> Any:
     p, k = c.points, len(c.points)
     parts = p.a, p.b, p.at, p.axes.reshape(k, 9), p.gap, p.slip, p.friction, c.forces
-    return _ROWS.write(np.column_stack(parts), *place)
+    if not p.is_bound:
+        return _ROWS.write(np.column_stack(parts), *place)
+    most = np.where(np.isfinite(p.most), p.most, 0.0)
+    return _BOUND_ROWS.write(np.column_stack([*parts, p.cohesion, most]), *place)
+
+
+_POINTS: JsonObject = {"anyOf": [_ROWS.schema, _BOUND_ROWS.schema]}
 
 
 FINITE = plain(lambda value, where: number(value, where, ANY_FINITE), {"type": "number"})
@@ -81,7 +99,7 @@ CONFIGURATION = record(
         "w": Key(FINITE),
         "load_factor": Key(FINITE),
         "displacements": Key(MECHANISM),
-        "points": Key(Form(_points, _rows_of, _ROWS.schema), is_needed=True, is_several=True),
+        "points": Key(Form(_points, _rows_of, _POINTS), is_needed=True, is_several=True),
         "bracket": Key(nullable(BRACKET), is_needed=True),
         "widest_gap": Key(FINITE, is_needed=True),
         "residual": Key(FIGURE, is_needed=True),
@@ -92,6 +110,23 @@ CONFIGURATION = record(
 )
 _WORK = row(Work._fields, ANY_FINITE)
 WORK = Form(lambda *given: Work(*_WORK.read(*given)), _WORK.write, _WORK.schema)
+
+
+def _failure(value: object, where: str) -> tuple[float, str]:
+    entry = fields(value, where, ("w", "what"))
+    return number(entry["w"], f"w of {where}", ANY_FINITE), text(entry["what"], f"what of {where}")
+
+
+FAILURE = plain(
+    _failure,
+    {
+        "type": "object",
+        "properties": {"w": {"type": "number"}, "what": TEXT.schema},
+        "required": ["w", "what"],
+        "additionalProperties": False,
+    },
+    lambda failure, _: {"w": float(failure[0]), "what": failure[1]},
+)
 
 
 def _control(value: object, where: str) -> tuple[str, tuple[float, ...]]:
@@ -112,24 +147,26 @@ CONTROL = plain(
 
 
 def _path(
-    scene: Scene, initial: Solution, halved: JsonObject | None = None, **given: Any
+    scene: Scene, initial: Solution | None, halved: JsonObject | None = None, **given: Any
 ) -> Displacements:
     """A path whose parts belong to each other."""
+    scene = begun(scene)[0]
     path = _run(scene, initial, **given)
     for name in ("units", "contact_names", "lumped"):
-        own, found = getattr(initial, name), getattr(path.initial, name)
+        own, found = (getattr(each, name, None) for each in (initial, path.initial))
         if own and str(own) != str(found):
             raise InputError(f"{name} of initial must be those of the scene, got {shown(str(own))}")
     if halved is None:
         return path
     with refusals("halved: "):
         shared = {"flow": path.flow, "control": path.control, "until": path.until}
+        shared |= {"stretch": path.stretch}
         fine = _run(scene, initial, **halved, **shared)  # type: ignore[arg-type]
     return replace(path, halved=fine)
 
 
 def _run(
-    scene: Scene, initial: Solution, configurations: tuple[JsonObject, ...], **given: Any
+    scene: Scene, initial: Solution | None, configurations: tuple[JsonObject, ...], **given: Any
 ) -> Displacements:
     free = {scene.blocks[i].id for i in scene.free}
     if not configurations:
@@ -152,7 +189,7 @@ def _run(
     known = {each.w for each in made}
     if lost := [w for w in given.get("snaps", ()) if w not in known]:
         raise InputError(f"snaps must each be the w of a configuration, got {shown(lost[0])}")
-    return Displacements(initial.of(scene), made, **given)
+    return Displacements(initial and initial.of(scene), made, **given)
 
 
 RUN = {
@@ -164,6 +201,7 @@ RUN = {
     "work": Key(nullable(WORK), "{key}"),
     "slides": Key(FLAG, "{key}"),
     "notes": Key(listed(TEXT), "{key}"),
+    "failures": Key(listed(FAILURE, "failure {i}"), "{key}"),
 }
 """What a path has of its own, beside the run with half the step."""
 
@@ -174,11 +212,12 @@ PATH: Document[Displacements] = Document(
         Displacements,
         {
             "scene": Key(SCENE.inside, "{key}", is_needed=True),
-            "initial": Key(RESULT.inside, "{key}"),
+            "initial": Key(nullable(RESULT.inside), "{key}"),
             **RUN,
             "flow": Key(choice(get_args(Flow)), "{key}"),
             "control": Key(nullable(CONTROL), "{key}"),
             "until": Key(FINITE, "{key}"),
+            "stretch": Key(FIGURE, "{key}"),
             "halved": Key(nullable(record(Displacements, RUN, dict)), "{key}"),
         },
         _path,

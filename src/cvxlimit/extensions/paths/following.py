@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.extensions.paths.bonds import Bonds
 from cvxlimit.extensions.paths.increment import Found, Increment, Loads, Near
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.extensions.paths.path import (
@@ -71,12 +72,13 @@ slide, which change their pace as they like."""
 @dataclass(frozen=True, eq=False)
 class At:
     """A configuration (``shown``), its pose, the gap that its slips have opened (``loose``,
-    length), and whether any joint slid."""
+    length), whether any joint slid, and the cohesion and ties that hold from there on."""
 
     pose: Pose
     shown: Configuration
     loose: float
     slides: bool
+    bonds: Bonds | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +95,9 @@ class Walk:
     """A path under way: the configurations so far, and the steps that lead on."""
 
     def __init__(
-        self, scene: Scene, certify: str, reach: float, tell: Callable[[str], None], flow: Flow
-    ) -> None:
+        self, scene: Scene, certify: str, reach: float, tell: Callable[[str], None], flow: Flow,
+        stretch: float = 0.0,
+    ) -> None:  # fmt: skip
         self.scene, self.certify, self.tell, self.flow = scene, certify, tell, flow
         self.has_dilatancy = flow == "associated"
         self.size = scene.contacts.typical_size
@@ -103,7 +106,8 @@ class Walk:
             np.linalg.norm(b.vertices - b.centroid, axis=1).max()
             for b in (scene.blocks[i] for i in scene.free)
         ])  # fmt: skip
-        self.begin = Start.first(scene, reach)
+        bonds = Bonds.first(scene, stretch)
+        self.begin = replace(Start.first(scene, reach), bonds=bonds)
         self.facets = self.begin.facets
         self.found: list[At] = []
         self.snaps: list[float] = []
@@ -121,11 +125,25 @@ class Walk:
             answer, loss = increment.rates_without_dilatancy(push, SLIDING)
         if not isinstance(answer, Found):
             return _Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
-        return self._shown(pose, points, answer, 0.0, 0.0, 1, loss)
+        shown = self._shown(pose, points, answer, 0.0, 0.0, 1, loss)
+        return replace(shown, bonds=self.begin.bonds)
 
     def settle(self, start: At, w: float) -> At | _Failed:
-        """Returns the equilibrium at ``w`` to which the iterates from ``start`` lead. Where nothing
-        slides the associated one is also one without dilatancy, in half the time."""
+        """Returns the equilibrium at ``w`` to which the iterates from ``start`` lead. The cohesion
+        and the ties that come apart on the way do not hold there, so that it is sought again
+        without them."""
+        while True:
+            found = self._settle(start, w)
+            if start.bonds is None or isinstance(found, _Failed):
+                return found
+            left = start.bonds.holding(found.pose)
+            if not start.bonds.lost(left):
+                return replace(found, bonds=left.after(found.pose))
+            start = replace(start, bonds=left)
+
+    def _settle(self, start: At, w: float) -> At | _Failed:
+        """Returns the equilibrium with all that holds at the start. Where nothing slides the
+        associated one is also one without dilatancy, in half the time."""
         if self.has_dilatancy or not start.slides:
             found = self._associated(start, w)
             if self.has_dilatancy or (isinstance(found, At) and not found.slides):
@@ -133,8 +151,9 @@ class Walk:
         return self._without_dilatancy(start, w)
 
     def _start(self, at: At) -> Start:
-        is_first = at.pose is self.begin.pose
-        return self.begin if is_first else Start.at(self.facets, at.pose, at.loose)
+        if at.pose is self.begin.pose:
+            return self.begin if at.bonds is None else replace(self.begin, bonds=at.bonds)
+        return Start.at(self.facets, at.pose, at.loose, at.bonds)
 
     def _moved(self, answer: Found) -> tuple[FloatArray, float]:
         """Returns how far an increment moves each free block (length), and the largest share of it
@@ -153,7 +172,7 @@ class Walk:
         moved = np.zeros(len(self.scene.free))
         for iterate in range(1, _MANY + 1):
             points, number = begin.numbered(pose)
-            push = w * self.loads.size - self.loads.work(pose)[1]
+            push = self.loads.push(w, start.pose, pose)
             near = Near(*last, number) if last else None
             answer = Increment(self.scene, points, pose, self.loads).solve(push, near)
             if not isinstance(answer, Found):
@@ -187,7 +206,7 @@ class Walk:
         work = abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
         for iterate in range(1, _MANY + 1):
             points = begin.points(pose)
-            push = w * self.loads.size - self.loads.work(pose)[1]
+            push = self.loads.push(w, start.pose, pose)
             increment = Increment(self.scene, points, pose, self.loads)
             slides = np.linalg.norm(points.slip, axis=1)
             if iterate == 1:  # as if every point slid as far as the live load goes
@@ -201,12 +220,13 @@ class Walk:
             moved, most = self._moved(answer)
             size = float(moved.max()) / self.size
             is_still = size <= _STILL
-            overrun = -points.gap.min(initial=0.0) > 10.0 * _STILL * self.size
+            overrun = points.depth > 10.0 * _STILL * self.size
             if not overrun and (is_still or (iterate > _SURE and size <= _FAR)):
                 loss = points.lost(forces.forces) / work
                 is_closed = points.bearing_gap(forces.forces) <= _FAR * self.size
                 if is_closed and loss <= (best.shown.loss if best else _LOST):
-                    at = w - push / self.loads.size
+                    left = w * self.loads.size - self.loads.work(pose)[1]
+                    at = w - left / self.loads.size
                     best = self._shown(pose, points, forces, at, size, iterate, loss)
                 if is_still or (best is not None and best.shown.loss <= SLIDING):
                     break
@@ -239,10 +259,16 @@ class Walk:
     def resume(self, path: Path) -> None:
         """Take over the configurations of a path, to go on from its end."""
         free, self.snaps, self.step = self.scene.free, [*path.snaps], path.step
+        before = 0.0
         for shown in path:
             ways = np.array([shown.displacements[self.scene.blocks[i].id] for i in free])
             pose = self.begin.pose.moved(free, ways)
-            self.found.append(At(pose, shown, *self._slid(shown)))
+            bonds = self.found[-1].bonds if self.found else self.begin.bonds
+            if bonds is not None:
+                lost = [what for at, what in path.failures if self.found and at == before]
+                bonds = bonds.without(lost).after(pose)
+            before = shown.w
+            self.found.append(At(pose, shown, *self._slid(shown), bonds))
 
     def proved(self, found: At) -> At:
         shown = found.shown
@@ -290,7 +316,8 @@ class Walk:
                     return there.kind, self._why(there)
                 continue
             # A jump on the way is enclosed, and both its ends belong to the path.
-            jump = self._jump(here, there) if self._may_have_jumped(here, there, pace) else None
+            may_have = self.lost(here, there) or self._may_have_jumped(here, there, pace)
+            jump = self._jump(here, there) if may_have else None
             if jump is not None:
                 low, high = jump
                 if low is not here:
@@ -325,6 +352,31 @@ class Walk:
                 self.step = max(h, self.step)
         return "steps", f"{MOST} configurations did not bring the load factor down to {until:g}"
 
+    def lost(self, one: At, other: At) -> tuple[str, ...]:
+        """Returns what has come apart from one configuration to the other: cohesion and ties."""
+        return one.bonds.lost(other.bonds) if one.bonds and other.bonds else ()
+
+    def bonds_at(self, i: int) -> Bonds | None:
+        """Returns the cohesion and the ties that hold at configuration ``i``, each tie as long as
+        it had become before."""
+        at, before = self.found[i].bonds, self.found[max(i - 1, 0)].bonds
+        if at is None or before is None or i == 0:
+            return self.begin.bonds
+        return replace(before, is_whole=at.is_whole,
+                       length=np.where(np.isnan(at.length), np.nan, before.length))  # fmt: skip
+
+    def failures(self) -> tuple[tuple[float, str], ...]:
+        """Returns where what has come apart, by w before it has."""
+        return tuple((x.shown.w, name) for x, y in pairwise(self.found) for name in self.lost(x, y))
+
+    def _beside_work(self, one: At, other: At) -> tuple[float, float]:
+        """Returns the energy that is taken up between two configurations besides the dead load's
+        work along its first directions, and what the live load does besides its own: loads that
+        turn, and ties that yield."""
+        dead, live = self.loads.of_turning(one.pose, other.pose)
+        yields = one.bonds.stretched(other.bonds) if one.bonds and other.bonds else 0.0
+        return yields - dead, live
+
     def _to_next(self, marks: FloatArray) -> float:
         """Returns the distance from here to the next mark that is farther off than a jump."""
         ahead = marks - self.found[-1].shown.w
@@ -339,8 +391,9 @@ class Walk:
             return True
         if there.slides:  # what slides changes direction without a jump
             return False
-        rise = self.loads.work(here.pose)[0] - self.loads.work(there.pose)[0]
-        way = self.loads.size * (there.shown.w - here.shown.w)
+        more, farther = self._beside_work(here, there)
+        rise = self.loads.work(here.pose)[0] - self.loads.work(there.pose)[0] + more
+        way = self.loads.size * (there.shown.w - here.shown.w) + farther
         area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
         return abs(rise - area) > 0.01 * way * abs(self.found[0].shown.load_factor)
 
@@ -408,12 +461,15 @@ class Walk:
         w = np.array([x.shown.w for x in self.found])
         alpha = np.array([x.shown.load_factor for x in self.found])
         energy = np.array([-self.loads.work(x.pose)[0] for x in self.found])
+        each = [self._beside_work(x, y) for x, y in pairwise(self.found)]
+        more = np.cumsum([(0.0, 0.0), *each], axis=0)
+        energy, way = energy + more[:, 0], w + more[:, 1] / self.loads.size
         near = np.flatnonzero(np.diff(w) <= FINEST * self.step) + 1
         jumps = np.union1d(near, np.searchsorted(w, self.snaps, side="right")).astype(int)
         for begin, end in pairwise([0, *jumps.tolist(), len(w)]):
             if end - begin > 1:
-                curve = CubicSpline(w[begin:end], alpha[begin:end])
-                area += self.loads.size * float(curve.integrate(w[begin], w[end - 1]))
+                curve = CubicSpline(way[begin:end], alpha[begin:end])
+                area += self.loads.size * float(curve.integrate(way[begin], way[end - 1]))
                 potential += float(energy[end - 1] - energy[begin])
         return Work(area, potential)
 
@@ -428,7 +484,7 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
     if same or any(after == start for start, _ in path.pieces):
         return there
     size = path.scene.contacts.typical_size
-    walk = Walk(path.scene, "all", REACH * size, lambda line: None, path.flow)
+    walk = Walk(path.scene, "all", REACH * size, lambda line: None, path.flow, path.stretch)
     walk.resume(path)
     here, found = walk.found[after - 1], dict[float, At]()
 

@@ -49,6 +49,7 @@ from cvxlimit.model.sinks import gathered
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import Actions, Load
 from cvxlimit.solvers import Outcome, SolverSettings, blockwise, settings_for
 from cvxlimit.solvers.matrices import Point
 from cvxlimit.solvers.program import ConeProgram
@@ -63,6 +64,11 @@ solvers measure it by objectives of 1e-6 at least. A point that should carry not
 over its gap at most, which is what keeps the load factor of a hinge from being exact."""
 
 
+def shear_scale(friction: FloatArray, cohesion: FloatArray) -> FloatArray:
+    """Returns what one unit of v is (k,): friction, and 1 where cohesion acts without it."""
+    return np.where((friction == 0.0) & (cohesion > 0.0), 1.0, friction)
+
+
 def point_forces(
     contacts: Contacts, is_stated: bool = False, held: FloatArray | None = None
 ) -> ForceModel:
@@ -70,50 +76,98 @@ def point_forces(
 
     With v scaled by mu the cone implies n >= 0 however small the friction is. ``is_stated`` says
     that the cone is a row of the problem, so that n >= 0 needs none; certificates have it besides.
-    If ``held`` (k,) is given, friction is limited by |v| <= held instead.
+    If ``held`` (k,) is given, friction is limited by |v| <= held instead. Cohesion, a force c per
+    point, adds c / mu to that bound.
     """
-    each, mu = np.arange(len(contacts)), contacts.friction
-    parts = [Part("n", {"N": 1}, each, nonneg=not is_stated), Part("v1", {"V1": mu}, each),
-             Part("v2", {"V2": mu}, each)]  # fmt: skip
-    most = {"n": 1.0} if held is None else {CONSTANT: held}
+    each, scale = np.arange(len(contacts)), shear_scale(contacts.friction, contacts.cohesion)
+    parts = [Part("n", {"N": 1}, each, nonneg=not is_stated), Part("v1", {"V1": scale}, each),
+             Part("v2", {"V2": scale}, each)]  # fmt: skip
+    most: dict[str, Any] = {"n": 1.0} if held is None else {CONSTANT: held}
+    if (bound := contacts.cohesion > 0.0).any():
+        share = np.where(contacts.friction > 0.0, 1.0, ~bound)
+        own = np.where(bound, contacts.cohesion * contacts.area / np.where(bound, scale, 1.0), 0.0)
+        most = {"n": share, CONSTANT: own} if held is None else {CONSTANT: held * share + own}
     return ForceModel(contacts, parts, [Condition([Norm({"v1": 1}, {"v2": 1})], most, each)])
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """Dead and live load of a scene on displaced blocks; points of action move with the blocks."""
+    """Dead and live load of a scene on displaced blocks; points of action move with the blocks.
+
+    Forces keep their direction, but for pressures, which stay on the faces that they were found on:
+    as large as they were, they turn with them.
+    """
 
     scene: Scene
 
     @cached_property
-    def _actions(self) -> list[Any]:
-        """Forces of the dead and of the live load on free blocks, with their points of action."""
-        free = [self.scene.blocks[i] for i in self.scene.free]
-        return [load.actions(free) for load in (self.scene.dead, self.scene.live)]
+    def _actions(self) -> list[list[tuple[Actions, bool]]]:
+        """Forces of the dead and of the live load on free blocks, with their points of action, and
+        whether they turn."""
+        free, both = [self.scene.blocks[i] for i in self.scene.free], []
+        for load in (self.scene.dead, self.scene.live):
+            own = [(replace(load, pressures=()).actions(free), False)]
+            if load.pressures:
+                own.append((Load(pressures=load.pressures).actions(free), True))
+            both.append(own)
+        return both
 
     def at(self, pose: Pose) -> tuple[FloatArray, FloatArray]:
         """Returns the dead and the live load (6 free blocks,) about the moved centroids."""
         both = []
-        for what in self._actions:
-            block = self.scene.free[what.block]
-            arm = pose.placed(block, what.at) - pose.middle[block]
-            turning = what.moment + np.cross(arm, what.force)
+        for own in self._actions:
             load = np.zeros((len(self.scene.free), DOF))
-            np.add.at(load, what.block, np.concatenate([what.force, turning], axis=1))
+            for what, turns in own:
+                block = self.scene.free[what.block]
+                arm = pose.placed(block, what.at) - pose.middle[block]
+                force, moment = what.force, what.moment
+                if turns:
+                    force, moment = pose.turned(block, force), pose.turned(block, moment)
+                turning = moment + np.cross(arm, force)
+                np.add.at(load, what.block, np.concatenate([force, turning], axis=1))
             both.append(load.ravel())
         return both[0], both[1]
 
     def work(self, pose: Pose) -> tuple[float, float]:
-        """Returns the work of the dead and of the live load from the first pose to this one; that
-        of moments, which do not turn with the blocks, is taken on the rotation vectors."""
+        """Returns the work of the dead and of the live load from the first pose to this one, along
+        the directions that they had at first; that of moments is taken on the rotation vectors."""
         both = []
-        for what in self._actions:
-            block = self.scene.free[what.block]
-            way = pose.placed(block, what.at) - what.at
-            work = float((what.force * way).sum())
-            if what.moment.any():
-                turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
-                work += float((what.moment * turn).sum())
+        for own in self._actions:
+            work = 0.0
+            for what, _ in own:
+                block = self.scene.free[what.block]
+                way = pose.placed(block, what.at) - what.at
+                work += float((what.force * way).sum())
+                if what.moment.any():
+                    turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
+                    work += float((what.moment * turn).sum())
+            both.append(work)
+        return both[0], both[1]
+
+    def push(self, w: float, start: Pose, pose: Pose) -> float:
+        """Returns by how much the live load has yet to move until its mean displacement is ``w``,
+        times the load. What turns does so many times more work along its own directions as it has
+        done since the ``start`` of the step."""
+        done = self.work(pose)[1]
+        left = w * self.size - done
+        if not any(turns for _, turns in self._actions[1]):
+            return left
+        along = done - self.work(start)[1]
+        own = along + self.of_turning(start, pose)[1]
+        return left * own / along if own * along > 0.0 else left
+
+    def of_turning(self, one: Pose, other: Pose) -> tuple[float, float]:
+        """Returns what the work of the dead and of the live load from one pose to another gains by
+        their turning with the faces: they have the mean of both directions on the way."""
+        both = []
+        for own in self._actions:
+            work = 0.0
+            for what, turns in own:
+                if turns:
+                    block = self.scene.free[what.block]
+                    way = other.placed(block, what.at) - one.placed(block, what.at)
+                    ends = one.turned(block, what.force), other.turned(block, what.force)
+                    work += float(((0.5 * (ends[0] + ends[1]) - what.force) * way).sum())
             both.append(work)
         return both[0], both[1]
 
@@ -121,9 +175,9 @@ class Loads:
     def size(self) -> float:
         """Sum of the sizes of the live load's forces, by which its work is divided for w; for
         moments alone their sum over the contact size."""
-        live = self._actions[1]
-        force = float(np.linalg.norm(live.force, axis=1).sum())
-        moment = float(np.linalg.norm(live.moment, axis=1).sum())
+        live = [what for what, _ in self._actions[1]]
+        force = sum(float(np.linalg.norm(what.force, axis=1).sum()) for what in live)
+        moment = sum(float(np.linalg.norm(what.moment, axis=1).sum()) for what in live)
         return force or moment / self.scene.contacts.typical_size
 
 
@@ -208,6 +262,8 @@ class Increment:
             sides=np.full((n, 2), np.nan),
             area=np.full(n, size**2),
             friction=points.friction,
+            cohesion=points.cohesion / size**2,
+            most=points.most,
         )
         contacts.__dict__["torsion_arm"] = np.full(n, size)
         number = np.full(len(scene.blocks), -1)
@@ -222,13 +278,14 @@ class Increment:
     def problem(self, goal: Goal = LARGEST_FACTOR, held: FloatArray | None = None) -> LimitProgram:
         """Returns the problem with a ``goal``, and with friction limited by ``held`` (k,) if
         given."""
-        formulation = partial(point_forces, is_stated=held is None, held=held)
+        is_stated = held is None and not self.points.is_bound
+        formulation = partial(point_forces, is_stated=is_stated, held=held)
         return LimitProgram(self.assemblage, [Rocking()], formulation=formulation, goal=goal)
 
     def goal(self, push: Any, gap: Any, slip: tuple[Any, Any]) -> Callable[[Stated], Any]:
         """Returns the function that states the objective of the module's text, in units of the
         scaling."""
-        scaling, mu = self.assemblage.scaling, self.points.friction
+        scaling, mu = self.assemblage.scaling, self._scale
         unit = scaling.length
 
         def stated(found: Stated) -> Any:
@@ -295,6 +352,10 @@ class Increment:
         return self.goal(push, gap, (slip[:, 0], slip[:, 1]))
 
     @property
+    def _scale(self) -> FloatArray:
+        return shear_scale(self.points.friction, self.points.cohesion)
+
+    @property
     def _ladder(self) -> tuple[SolverSettings, ...]:
         """The solvers of an iterate, the last of which is Clarabel."""
         return (*blockwise(max(_GAP * len(self.points), 1e-12)), LADDER[-1])
@@ -302,14 +363,15 @@ class Increment:
     def _run(
         self, problem: LimitProgram, ladder: Sequence[SolverSettings], near: Near | None = None
     ) -> Found | Outcome:
-        scaling, mu, program = self.assemblage.scaling, self.points.friction, problem.program
-        memory: dict[str, Any] = {"starts": [] if near is None else near.starts(program)}
+        scaling, scale, program = self.assemblage.scaling, self._scale, problem.program
+        is_near = near is not None and not self.points.is_bound
+        memory: dict[str, Any] = {"starts": near.starts(program) if near and is_near else []}
         for settings in ladder:
             outcome, x, y = program.solve(settings, memory, is_warm=False)
             state = problem.state(outcome, x, y)
             if y is not None and state.mechanism is not None and state.internal is not None:
                 n, v1, v2 = state.internal.reshape(3, -1)
-                forces = np.stack([n, mu * v1, mu * v2], axis=1)
+                forces = np.stack([n, scale * v1, scale * v2], axis=1)
                 d = state.mechanism * (scaling.live * scaling.length)
                 way = tuple(at for _, at in sorted(memory.get("way", {}).items()))
                 return Found(outcome, float(state.load_factor or 0.0), forces, d, way, y)

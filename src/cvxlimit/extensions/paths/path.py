@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.doors import attached
-from cvxlimit.results.movement import rotation
+from cvxlimit.extensions.paths.moving import held_scene, moved_scene
 from cvxlimit.scene import Scene
-from cvxlimit.scene.loads import Load
 from cvxlimit.solution import Solution
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import VISIBLE
@@ -59,6 +58,11 @@ class Points:
     slip : (k, 2) array
         Of b against a along t1 and t2 since the step's start, where the point was closed then.
     friction : (k,) array
+    cohesion : (k,) array
+        Shear that a point bears besides friction (force).
+    most : (k,) array
+        The largest compression of a point; infinite but for ties, whose compression is their
+        tension, along a normal from b to a, and whose gap is what they are slack by.
     """
 
     a: IntArray
@@ -68,6 +72,13 @@ class Points:
     gap: FloatArray
     slip: FloatArray
     friction: FloatArray
+    cohesion: FloatArray = None  # type: ignore[assignment]  # none, at any number of points
+    most: FloatArray = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        for name, value in (("cohesion", 0.0), ("most", np.inf)):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.full(len(self.gap), value))
 
     def __len__(self) -> int:
         return len(self.gap)
@@ -82,7 +93,26 @@ class Points:
         and friction that does not oppose the whole slip. Never negative, zero for a solution."""
         n, slid = forces[:, 0], np.linalg.norm(self.slip, axis=1)
         lost = n * self.gap + self.friction * n * slid + (forces[:, 1:] * self.slip).sum(axis=1)
+        if self.is_bound:  # cohesion that slips, and ties that yield at less than they bear
+            yields = np.where(np.isfinite(self.most), self.most, 0.0) * np.maximum(-self.gap, 0.0)
+            lost = lost + self.cohesion * slid + yields
         return float(np.abs(lost).sum())
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether any point has cohesion, or is of a tie."""
+        return bool((self.cohesion > 0.0).any() or np.isfinite(self.most).any())
+
+    @property
+    def unbound(self) -> Points:
+        """Those without ties, with friction alone."""
+        plain = self.take(np.isinf(self.most))
+        return replace(plain, cohesion=np.zeros(len(plain)))
+
+    @property
+    def depth(self) -> float:
+        """How deep blocks are in each other at most."""
+        return float(-self.gap[np.isinf(self.most)].min(initial=0.0))
 
     def closed(self, flow: Flow, least: float) -> Points:
         """Those whose gap, less friction times slip where that is what joints open by, is no more
@@ -97,6 +127,11 @@ class Points:
     def take(self, which: NDArray[Any]) -> Points:
         """Some of the points, by number or by a truth value for each."""
         return Points(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+    def beside(self, other: Points) -> Points:
+        """These, and others after them."""
+        names = self.__dataclass_fields__
+        return Points(*(np.concatenate([getattr(self, x), getattr(other, x)]) for x in names))
 
 
 class Work(NamedTuple):
@@ -156,8 +191,13 @@ class Configuration:
     loss: float = 0.0
 
     def scene(self) -> Scene:
-        """The scene with moved blocks, and point loads that moved with them."""
-        return moved_scene(self.start, self.displacements)
+        """The scene with moved blocks, and point loads, pressures and ties that moved with them;
+        without the ties that are slack or gone, and the cohesion of joints that have moved."""
+        p, size = self.points, self.start.contacts.typical_size
+        taut = p.at[np.isfinite(p.most) & (p.gap <= CLOSED * size)]
+        glued = np.stack([p.a, p.b], axis=1)[p.cohesion > 0.0]
+        scene = moved_scene(self.start, self.displacements)
+        return held_scene(scene, self.start, taut, glued, CLOSED * size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,9 +209,10 @@ class Path:
 
     Attributes
     ----------
-    initial : Solution
+    initial : Solution or None
         What :func:`cvxlimit.solve` says of the scene as it is given. Its load factor differs from
         the path's first one, since the path has friction at points and not on whole contacts.
+        None where the scene starts displaced.
     configurations : tuple of Configuration
         The first at w = 0; also ``path[3]``.
     status : str
@@ -194,11 +235,15 @@ class Path:
         Of a path that slides with steps that the package chose: the same with each step in two.
     until : float
         Load factor that was asked for as its end.
+    failures : tuple of (float, str)
+        Joints that lost their cohesion and ties that broke: w before, and which.
+    stretch : float
+        Share of its length by which a tie could be stretched.
     """
 
     format: ClassVar[str] = "cvxlimit-path"
 
-    initial: Solution
+    initial: Solution | None
     configurations: tuple[Configuration, ...]
     status: Ending
     reason: str
@@ -211,6 +256,8 @@ class Path:
     notes: tuple[str, ...] = field(default=())
     halved: Path | None = None
     until: float = 0.0
+    failures: tuple[tuple[float, str], ...] = ()
+    stretch: float = 0.0
 
     def __len__(self) -> int:
         return len(self.configurations)
@@ -265,7 +312,7 @@ class Path:
         for before, here in pairwise(self.configurations):
             p, n, step = here.points, here.forces[:, 0], dict[str, tuple[float, float]]()
             moved = {name: d - before.displacements[name] for name, d in here.displacements.items()}
-            for i in np.flatnonzero(n > CLOSED * n.max(initial=0.0)).tolist():
+            for i in np.flatnonzero((n > CLOSED * n.max(initial=0.0)) & np.isinf(p.most)).tolist():
                 one, other = names[p.a[i]], names[p.b[i]]
                 turn = (moved.get(other, still) - moved.get(one, still))[3:]
                 joint, slip = f"{one!r}-{other!r}", float(np.linalg.norm(p.slip[i]))
@@ -294,10 +341,9 @@ class Path:
         ends where supports were drawn to end."""
         w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
         # What slides at first and does not turn stays as it is, whatever steps show of it.
-        rates, dilatancy = (
-            np.array([*(self.initial.mechanism or {}).values()]),
-            self.initial.dilatancy,
-        )
+        first = self.initial
+        rates = np.array([*((first and first.mechanism) or {}).values()])
+        dilatancy = None if first is None else first.dilatancy
         if len(rates) and dilatancy is not None and dilatancy.share > LEVEL:
             shift, turn = (np.linalg.norm(rates[:, k : k + 3], axis=1).max() for k in (0, 3))
             still = turn * self.scene.contacts.typical_size <= VISIBLE * shift
@@ -383,6 +429,12 @@ class Path:
         ends = [int(np.flatnonzero(self.w == w)[-1]) + 1 for w in self.snaps]
         return tuple(zip([0, *ends], [*ends, len(self)], strict=True))
 
+    @property
+    def failed(self) -> list[str]:
+        """What has come apart since the row above, for each row: cohesion and ties."""
+        after = np.append(np.nan, self.w[:-1])
+        return [", ".join(what for at, what in self.failures if at == w) for w in after]
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the path with its scene to a JSON file, complete or not at all;
         :func:`cvxlimit.io.read_path` reads it, and :func:`cvxlimit.prove` proves it again.
@@ -448,27 +500,3 @@ class Path:
     def to_dataframe(self) -> Any:
         """One row for each configuration, as a pandas DataFrame."""
         return attached("path_table")(self)
-
-
-def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:
-    """``scene`` with blocks moved by (6,) displacements; point loads move with their blocks."""
-    turns = {name: rotation(d[3:]) for name, d in displacements.items()}
-    blocks = []
-    for block in scene.blocks:
-        if block.id in displacements:
-            turn, d = turns[block.id], displacements[block.id]
-            block = block.moved(turn, block.centroid + d[:3] - turn @ block.centroid)
-        blocks.append(block)
-    centre = {block.id: block.centroid for block in scene.blocks}
-
-    def moved(load: Load) -> Load:
-        points: Sequence[Any] = [
-            replace(p, at=tuple(
-                centre[p.block] + displacements[p.block][:3]
-                + turns[p.block] @ (p.at - centre[p.block])
-            ))
-            for p in load.points
-        ]  # fmt: skip
-        return replace(load, points=points)
-
-    return replace(scene, blocks=tuple(blocks), dead=moved(scene.dead), live=moved(scene.live))

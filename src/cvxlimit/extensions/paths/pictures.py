@@ -42,6 +42,11 @@ def curve(path: Path, **options: Any) -> Any:
     """A figure of load factor over displacement, with the bracket of each configuration."""
     chart = figures("chart").Chart.of(options, (6.4, 4.4))
     _draw_pieces(chart.axes, path.displacement, path.load_factor, path.pieces, "load factor")
+    # What has come apart: cohesion of joints, and ties.
+    torn = [k - 1 for k, what in enumerate(path.failed) if what]
+    if torn:
+        at = path.displacement[torn], path.load_factor[torn]
+        chart.axes.plot(*at, "x", color=_DROP, ms=7, label="cohesion or tie gone from there on")
     # The same path with half the step, where it was followed twice to see what steps change.
     if (half_step := path.halved) is not None:
         label = "with half the step"
@@ -147,7 +152,8 @@ def _texts(path: Path) -> list[str]:
 
 
 def _title(path: Path) -> str:
-    start = f"load factor {rounded(path.load_factor[0], DIGITS)} at rest"
+    begin = "at rest" if path.initial is not None else "where it starts, displaced"
+    start = f"load factor {rounded(path.load_factor[0], DIGITS)} {begin}"
     unit = printable(path.scene.units.length)
     low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
     end = f"zero at {low}" + (f" to {high}" if low != high else "")

@@ -19,6 +19,7 @@ from typing import Self
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.extensions.paths.bonds import Bonds, tangents
 from cvxlimit.extensions.paths.pairs import Facets, Pairs, Pose
 from cvxlimit.extensions.paths.path import CLOSED, Points
 from cvxlimit.scene import Scene
@@ -51,6 +52,8 @@ class Start:
         at most ``loose``.
     loose : float
         Gap (length) by which joints that slid in the step before have opened.
+    bonds : Bonds or None
+        Cohesion and ties that hold.
     """
 
     facets: Facets
@@ -58,13 +61,14 @@ class Start:
     pairs: Pairs
     touches: BoolArray
     loose: float
+    bonds: Bonds | None = None
 
     @classmethod
-    def at(cls, facets: Facets, pose: Pose, loose: float = 0.0) -> Self:
+    def at(cls, facets: Facets, pose: Pose, loose: float = 0.0, bonds: Bonds | None = None) -> Self:
         """Returns the start of a step from a ``pose``, whose joints have opened by ``loose``."""
         pairs = facets.pairs(*facets.near(pose))
         loose = loose + CLOSED * facets.size
-        start = cls(facets, pose, pairs, np.zeros(pairs.block.shape[1], dtype=bool), loose)
+        start = cls(facets, pose, pairs, np.zeros(pairs.block.shape[1], dtype=bool), loose, bonds)
         found, pair, _ = _met(start, pose)
         start.touches[pair[found.gap <= loose]] = True
         return start
@@ -86,12 +90,14 @@ class Start:
 
     def points(self, pose: Pose) -> Points:
         """Returns all points at a pose, with slips since the start."""
-        return _met(self, pose)[0]
+        return self.numbered(pose)[0]
 
     def numbered(self, pose: Pose) -> tuple[Points, IntArray]:
         """Returns all points at a pose, and ascending numbers (k,) that name the same points at
         other poses of the step."""
-        points, _, number = _met(self, pose)
+        points, pair, number = _met(self, pose)
+        if self.bonds is not None:
+            points = self.bonds.on(points, self.touches[pair], pose)
         return points, number
 
 
@@ -103,7 +109,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     normal = np.stack([pose.turned(pairs.block[k], pairs.normal[k]) for k in (0, 1)])
     plane = np.stack([pose.placed(pairs.block[k], pairs.plane[k]) for k in (0, 1)])
     mean = _unit(normal[0] - normal[1])
-    basis = _tangents(mean)
+    basis = tangents(mean)
     # Edges of both sides: tails and directions in space, both ends in the mean plane.
     tail, along = list[FloatArray](), list[FloatArray]()
     flat_tail, flat_head = list[FloatArray](), list[FloatArray]()
@@ -157,9 +163,9 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     slid = pose.turned(owner, np.einsum("kji,kj->ki", start.turn[owner], slid))
     was_closed = np.abs(gap - np.einsum("kx,kx->k", slid, n)) <= begin.loose
     was_closed &= begin.touches[pair]
-    tangents = _tangents(n)
-    slip = np.where(was_closed[:, None], np.einsum("kix,kx->ki", tangents, slid), 0.0)
-    axes = np.concatenate([tangents, n[:, None]], axis=1)
+    frame = tangents(n)
+    slip = np.where(was_closed[:, None], np.einsum("kix,kx->ki", frame, slid), 0.0)
+    axes = np.concatenate([frame, n[:, None]], axis=1)
     more = np.cumsum([0, *map(len, tail)])
     number = np.concatenate([more[0] + corner[0], more[1] + corner[1], more[2] + crossed])[kept]
     return Points(a, b, x, axes, gap, slip, facets.friction(a, b)), pair, number
@@ -259,11 +265,3 @@ def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
 def _unit(vectors: FloatArray) -> FloatArray:
     """Returns vectors (..., 3) divided by their lengths."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1)[..., None])
-
-
-def _tangents(n: FloatArray) -> FloatArray:
-    """Returns two unit vectors (k, 2, 3) perpendicular to each normal (k, 3), right-handed with
-    it."""
-    least = np.eye(3)[np.abs(n).argmin(axis=1)]
-    first = _unit(np.cross(least, n))
-    return np.stack([first, np.cross(n, first)], axis=1)

@@ -6,6 +6,7 @@ factor of its own, and the load factor is an unknown of the balance.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,8 @@ def bracket_of(
     if found is None or found.internal is None or found.load_factor is None:
         return Bracket(), widest
     certifier = _certifier(whole)
-    opening = _run(whole, largest_self_stress)
+    plain = Increment(scene, closed.unbound, pose, loads) if closed.is_bound else whole
+    opening = _run(plain, largest_self_stress)
     if opening is not None and opening.mechanism is not None:
         certifier.offer_opening_field(opening.mechanism)
     upper = certifier.certificate(None, None, found.mechanism)
@@ -57,7 +59,7 @@ def bracket_of(
 
 def _lower(given: Increment) -> Bracket:
     """From the best forces on some points, mixed with those that are farthest inside."""
-    best, inside = _run(given), _run(given, _deepest)
+    best, inside = _run(given), _run(given, partial(_deepest, given=given))
     if best is None or best.internal is None or best.load_factor is None:
         return Bracket()
     certifier, statics = _certifier(given), given.assemblage.statics
@@ -76,13 +78,18 @@ def _certifier(given: Increment) -> Certifier:
     return certifier
 
 
-def _deepest(stated: Stated) -> Any:
+def _deepest(stated: Stated, given: Increment) -> Any:
     """Goal: what every point has to spare, at most a fair share of the load."""
     n, v1, v2 = (stated.forces[name] for name in ("n", "v1", "v2"))
     spare = stated.own["spare"] = stated.into.new(name="spare")
     most = np.ones(n.size) / n.size
     stated.into.nonneg(most[0] - spare)
     stated.into.cone(n - spare, [v1, v2])
+    points, unit = given.points, given.assemblage.scaling.force
+    if len(ties := np.flatnonzero(np.isfinite(points.most))):
+        stated.into.nonneg(points.most[ties] / unit - n[ties] - spare)
+    if len(glued := np.flatnonzero((points.friction == 0.0) & (points.cohesion > 0.0))):
+        stated.into.cone(points.cohesion[glued] / unit - spare, [v1[glued], v2[glued]])
     return spare
 
 

@@ -30,7 +30,10 @@ from cvxlimit.extensions.paths.increment import Increment
 from cvxlimit.extensions.paths.path import CLOSED, SLIDING, Path, Points
 from cvxlimit.extensions.paths.points import Start
 from cvxlimit.extensions.paths.proof import bracket_of
+from cvxlimit.extensions.paths.refusing import stands
+from cvxlimit.extensions.paths.starting import begun
 from cvxlimit.io.scenes import scene_digest
+from cvxlimit.methods.solving import solve
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
 from cvxlimit.proving.prove import BOTH_CASES, Proof, Scenes, scene_of
@@ -38,7 +41,7 @@ from cvxlimit.proving.solutions import solution_checks
 
 _LOOKED_AT = (
     "initial", "configurations", "status", "flow", "step", "snaps", "work", "slides", "control",
-    "halved", "until",
+    "halved", "until", "failures", "stretch",
 )  # fmt: skip
 
 
@@ -46,10 +49,15 @@ def path_checks(path: Path) -> Iterator[Check]:
     """Checks every claim of a path: the solution of the scene at rest, the configurations, and
     those of the run with half the step, if there is one. What holds of configurations is said once
     for all of them; what does not, one by one."""
-    for check in solution_checks(path.initial, path.scene):
-        is_proof = check.kind == "proved" or not check.is_met
-        which = "at rest, friction over whole joints" if is_proof else "initial"
-        yield replace(check, claim=f"{which}: {check.claim}")
+    if path.initial is None:
+        is_met = begun(path.scene)[1] is not None or not stands(solve(path.scene))
+        found = "" if is_met else "its dead load stands alone"
+        yield follows("a scene that starts displaced", is_met, found)
+    else:
+        for check in solution_checks(path.initial, path.scene):
+            is_proof = check.kind == "proved" or not check.is_met
+            which = "at rest, friction over whole joints" if is_proof else "initial"
+            yield replace(check, claim=f"{which}: {check.claim}")
     yield from _configuration_checks(path, "")
     half = path.halved
     if half is not None:
@@ -66,7 +74,7 @@ def _configuration_checks(path: Path, which: str) -> Iterator[Check]:
     """Checks the configurations of one run, which is called ``which``, and its area and
     potential."""
     size = path.scene.contacts.typical_size
-    walk = Walk(path.scene, "none", REACH * size, lambda line: None, path.flow)
+    walk = Walk(path.scene, "none", REACH * size, lambda line: None, path.flow, path.stretch)
     walk.resume(path)
     wrong = set[int]()
     for i in range(len(path)):
@@ -101,8 +109,27 @@ def _course_checks(walk: Walk, path: Path, which: str) -> Iterator[Check]:
     slides = any(found.slides for found in walk.found)
     claims, is_met = ("no joint slides", "joints slide"), path.slides == slides
     yield follows(f"{claims[path.slides]}{which}", is_met, "" if is_met else claims[slides])
+    if walk.begin.bonds is not None or path.failures:
+        yield _apart(walk, path, which)
     yield _jumps(walk, path, which)
     yield _ending(walk, path, which)
+
+
+def _apart(walk: Walk, path: Path, which: str) -> Check:
+    """What has moved holds no longer, and a tie that is gone was stretched by more than it
+    bears."""
+    found, lost = "", walk.failures()
+    if lost != path.failures:
+        found = f"there are {len(lost)}"
+    for before, at in pairwise(walk.found):
+        if before.bonds is None or at.bonds is None:
+            continue
+        if still := at.bonds.lost(at.bonds.holding(at.pose)):
+            found = f"{still[0]} has moved as well"
+        torn = before.bonds.lost(before.bonds.holding(at.pose))
+        if whole := [x for x in before.bonds.lost(at.bonds) if x[:3] == "tie" and x not in torn]:
+            found = f"{whole[0]} still holds at w = {at.shown.w:.6g}"
+    return follows(f"{len(path.failures)} joints and ties that came apart{which}", not found, found)
 
 
 def _jumps(walk: Walk, path: Path, which: str) -> Check:
@@ -164,9 +191,9 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     if i > 0:
         before = walk.found[i - 1]
         start = Start.at(walk.facets, before.pose, before.loose)
-    points = start.points(pose)
+    points = replace(start, bonds=walk.bonds_at(i)).points(pose)
     n, friction = here.forces[:, 0], np.linalg.norm(here.forces[:, 1:], axis=1)
-    is_strange = ~_are_among(here.points, points, size)
+    is_strange = ~_are_among(here.points, points, size, loads.size)
     if (n[is_strange] > SLACK * n.max(initial=0.0)).any():
         yield "points", "some that bear are none of the blocks as they are displaced"
 
@@ -182,7 +209,8 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
         yield "equilibrium", f"forces miss it by {residual.max() / dead_load:.1e} of the dead load"
 
     # No tension, and friction within its cone.
-    excess = np.maximum(-n, friction - here.points.friction * n).max(initial=0.0)
+    most = here.points.friction * n + here.points.cohesion
+    excess = np.max([-n, friction - most, n - here.points.most], initial=0.0)
     if not excess <= RESIDUAL * dead_load:
         yield "friction", f"forces exceed it by {excess / dead_load:.1e} of the dead load"
 
@@ -216,15 +244,18 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
             yield f"{end} bound {claimed:.9g}", f"{found:.9g} is shown"
 
 
-def _are_among(held: Points, found: Points, size: float) -> BoolArray:
+def _are_among(held: Points, found: Points, size: float, force: float) -> BoolArray:
     """Returns which of the points held (k,) are among those found: of the same blocks, at the same
-    place, with the same normal, gap, friction and, in size, slip."""
+    place, with the same normal, gap, friction, cohesion, strength and, in size, slip."""
     features = [
         (
-            p.at / size, p.axes[:, 2], p.gap[:, None] / size, p.friction[:, None],
+            p.at / size, p.axes[:, 2], gap[:, None] / size, p.friction[:, None],
             np.linalg.norm(p.slip, axis=1)[:, None] / size, p.a[:, None], p.b[:, None],
+            p.cohesion[:, None] / force, (force / p.most)[:, None],
         )
         for p in (held, found)
+        # a tie that yields is longer than it was, by as much as the step has it
+        for gap in (np.where(np.isfinite(p.most), np.maximum(p.gap, 0.0), p.gap),)
     ]  # fmt: skip
     own, others = (np.concatenate(parts, axis=1) for parts in features)
     return np.array([(np.abs(others - row).max(axis=1) <= CLOSED).any() for row in own], dtype=bool)
@@ -235,7 +266,7 @@ def prove_path(what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Proof
     path = what if isinstance(what, Path) else PATH.from_dict(what)
     if scene is not None:
         scene_of(path.scene.name, scene_digest(path.scene), scene, BOTH_CASES)
-    checks, held = [*path_checks(path)], path.initial.scene_digest
+    checks, held = [*path_checks(path)], path.initial and path.initial.scene_digest
     if held and held != scene_digest(path.scene):
         checks.append(Check("initial: scene_digest", False, "it is of another scene"))
     return Proof(f"path of scene {path.scene.name!r}", tuple(checks))

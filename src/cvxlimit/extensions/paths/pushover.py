@@ -9,11 +9,12 @@ from typing import Literal, get_args
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import count, is_number, positive
-from cvxlimit.errors import ModelError
+from cvxlimit.base.checks import count, is_number, not_negative, positive
+from cvxlimit.errors import InputError, ModelError, NoAnswerError
 from cvxlimit.extensions.paths.following import REACH, Walk
 from cvxlimit.extensions.paths.path import Flow, Path
-from cvxlimit.extensions.paths.refusing import refuse, refuse_answer
+from cvxlimit.extensions.paths.refusing import no_path, refuse, stands
+from cvxlimit.extensions.paths.starting import begun, with_resultants
 from cvxlimit.methods.solving import solve
 from cvxlimit.results.movement import checked_control
 from cvxlimit.scene import Scene
@@ -26,6 +27,16 @@ SLIDES = {
     "answers, of which the path has one, and the step may decide which",
 }
 
+DISPLACED = (
+    "it starts displaced: the dead load does not stand alone, and the push holds it from the "
+    "start; there is no load factor at rest"
+)
+
+TURN, KEEP = (
+    f"pressures stay on their faces as large as they were, and {what}"
+    for what in ("turn with them", "keep their direction: point loads at their centres")
+)
+
 
 def pushover(
     scene: Scene | Path,
@@ -37,12 +48,15 @@ def pushover(
     reach: float | None = None,
     halvings: int = 1,
     within: float = 0.02,
+    pressures: Literal["turning", "keeping"] | None = None,
+    stretch: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Path:
     """The path of a structure after its collapse load factor, in finite displacements.
 
     The live load's points of action are moved on step by step; blocks move exactly, contacts open,
-    close and appear, and the load factor is what holds each configuration. Friction is taken at
+    close and appear, and the load factor is what holds each configuration. A joint has lost its
+    cohesion for good once it has opened or slid (``path.failures``). Friction is taken at
     points, so that the first load factor differs from that of :func:`cvxlimit.solve`, which is
     ``path.initial``. A bracket proves what its configuration carries, not that the structure
     gets there.
@@ -51,7 +65,9 @@ def pushover(
     ----------
     scene : Scene or Path
         A path goes on from its last configuration, with its own step and control unless others are
-        given.
+        given. A scene may start displaced, its blocks on edges and corners, if the push holds it
+        there: its first load factor is that of this position, and ``path.initial`` is None.
+        ``contact_friction`` may name blocks that touch only later.
     step : float or None
         Of w, the mean displacement of the live load, in the scene's unit of length; None: an eighth
         of what the last slope takes to ``until``, at most an eighth of the contact size, and where
@@ -74,6 +90,14 @@ def pushover(
     within : float
         Change of ``d0``, over itself, and of load factors, over the first, with which halving ends:
         a fiftieth, which no check of a displacement notices.
+    pressures : {"turning", "keeping"} or None
+        What pressures do that stay, as large as they are, on the faces that they are found on: turn
+        with them, as water does, or keep their direction; these are point loads of ``path.scene``
+        from then on. None: turning, and of a path to go on from as they are.
+    stretch : float or None
+        How far a tie is stretched at its strength before it is gone, as a share of its length: a
+        material's elongation at rupture. None: 0, a tie is gone once it has yielded; of a path to
+        go on from as before.
     progress : callable or None
         Called with a line of text for every configuration.
 
@@ -86,9 +110,12 @@ def pushover(
     Raises
     ------
     NoAnswerError
-        For a scene that does not stand, and a live load that does no harm.
+        For a scene that does not stand and that the push does not hold, and a live load that does
+        no harm.
+    GeometryError
+        For blocks that touch nothing, not even at an edge.
     ModelError
-        For cohesion, tensile or compressive strength, ties and pressures, and for unknown choices.
+        For tensile or compressive strength and reactions, and for unknown choices.
 
     Example
     -------
@@ -103,18 +130,29 @@ def pushover(
     if isinstance(scene, Path):
         scene = scene.scene
     check_scene(scene)
+    why_not: InputError | NoAnswerError | None
+    scene, why_not = begun(scene)
     for name, value, known in (
         ("flow", "associated" if flow is None else flow, get_args(Flow)),
         ("certify", certify, ("all", "last", "none")),
+        ("pressures", pressures or "turning", ("turning", "keeping")),
     ):  # fmt: skip
         if value not in known:
             raise ModelError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    if pressures is not None and before is not None:
+        raise ModelError(
+            f"pressures={pressures!r} is for a scene: a path goes on with its own loads"
+        )
+    keeps = pressures == "keeping" and bool(scene.dead.pressures or scene.live.pressures)
+    scene = with_resultants(scene) if keeps else scene
     refuse(scene)
     for name, length in (("step", step), ("reach", reach)):
         if length is not None:
             positive(length, name)
     count(halvings, 0, "halvings")
     positive(within, "within")
+    stretch = (before.stretch if before else 0.0) if stretch is None else stretch
+    not_negative(stretch, "stretch")
     if not is_number(until):
         raise ModelError(f"until must be a load factor, got {until!r}")
     is_own, kind = step is None, flow or (before.flow if before else "associated")
@@ -124,8 +162,13 @@ def pushover(
         step, about = step or before.step, about or before.control
         begin = replace(before, control=about)
         half = before.halved and replace(before.halved, control=about)
-    initial = solve(scene) if before is None else before.initial
-    refuse_answer(initial)
+    initial = None if before is None else before.initial
+    if before is None and why_not is None:
+        initial = solve(scene)
+        why_not = no_path(initial)
+        if why_not is not None and stands(initial):
+            raise why_not
+        initial = None if why_not is not None else initial
     tell = progress or (lambda line: None)
 
     def follow(
@@ -133,7 +176,7 @@ def pushover(
     ) -> Path:
         walk = Walk(
             scene, certify, reach or REACH * scene.contacts.typical_size,
-            lambda line: tell(f"{said}{line}"), kind,
+            lambda line: tell(f"{said}{line}"), kind, stretch,
         )  # fmt: skip
         if begin is not None:
             walk.resume(begin)
@@ -145,14 +188,25 @@ def pushover(
             if not walk.found:
                 raise
             ending = "interrupted", "interrupted: what was found until then"
+        start = walk.found[0].shown.load_factor if walk.found else -np.inf
+        if why_not is not None and before is None and start <= until:
+            raise why_not  # no push holds it either
         if certify == "last":
             walk.found[-1] = walk.proved(walk.found[-1])
         slides = any(x.slides for x in walk.found)
+        turn = bool(scene.dead.pressures or scene.live.pressures)
+        notes = [DISPLACED] * (initial is None) + [TURN] * turn + [KEEP] * keeps
+        notes += [SLIDES[kind]] * slides
+        failures = walk.failures()
+        if failures:
+            torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])
+            more = f" and {len(failures) - 3} more" if failures[3:] else ""
+            notes.append(f"gone from there on: {torn}{more}")
         longest = begin.step if begin is not None and len(begin) > 1 else 0.0
         return Path(
             initial, tuple(x.shown for x in walk.found), *ending, kind, max(walk.step, longest),
-            tuple(walk.snaps), walk.work(), slides, about, (SLIDES[kind],) if slides else (),
-            until=float(until),
+            tuple(walk.snaps), walk.work(), slides, about, tuple(notes), until=float(until),
+            failures=failures, stretch=stretch,
         )  # fmt: skip
 
     path = replace(follow(step, begin), halved=None)

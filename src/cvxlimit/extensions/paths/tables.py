@@ -27,6 +27,7 @@ def path_table(path: Path) -> DataFrame:
             [0.0, *(max([0.0, *(slip for slip, _ in x.values())]) for x in path.in_joints)],
             path.scene.units.length, "of the joint that slides farthest, since the row above",
         ),
+        "failed": (path.failed, "", "joints and ties that came apart, since the row above"),
         "lower": ([b.lower for b in brackets], "", "static bound of the configuration"),
         "upper": ([b.upper for b in brackets], "", "kinematic bound of the configuration"),
         "proved": ([b.is_proved for b in brackets], "", "whether both bounds are proved"),

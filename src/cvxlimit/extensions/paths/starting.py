@@ -1,0 +1,55 @@
+"""Scenes as paths take them: where they may begin, and pressures that keep their direction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cvxlimit.errors import GeometryError
+from cvxlimit.geometry.detection import detect
+from cvxlimit.scene.loads import Load, PointForce
+from cvxlimit.scene.scene import Scene
+
+
+def begun(scene: Scene) -> tuple[Scene, GeometryError | None]:
+    """The scene with contacts as a path needs them, and why it has none of its own.
+
+    On a path blocks may touch at edges alone, and pairs that do not touch yet may have a friction
+    of their own, which counts from where they do. Elsewhere both are refused.
+    """
+    loose: GeometryError | None = None
+    try:
+        found = scene._detection
+    except GeometryError as error:
+        loose, every = error, {block.id for block in scene.blocks}
+        found = detect(
+            scene.blocks, scene.supports, scene.friction, scene.joint_tolerance, tied=every
+        )
+    touching = {*found.contacts.pairs}
+    own = {pair: mu for pair, mu in scene.contact_friction.items() if pair in touching}
+    if loose is None and len(own) == len(scene.contact_friction):
+        return scene, None
+    contacts = scene._copy(contact_friction=own)._beside("_detection", found).contacts
+    if not len(contacts):  # lengths are compared with blocks where there is no contact
+        size = float(np.median([scene.blocks[i].size for i in scene.free]))
+        contacts.__dict__["typical_size"] = size
+    return scene._with_contacts(contacts), loose
+
+
+def with_resultants(scene: Scene) -> Scene:
+    """The scene with point loads in place of pressures: their resultants at the centres of
+    pressure, and what moment is left on faces that are not plane."""
+    blocks = {block.id: block for block in scene.blocks}
+
+    def of(load: Load) -> Load:
+        points, forces = [*load.points], dict(load.forces)
+        for each in load.pressures:
+            at, force, moment = each.resultant(blocks[each.block])
+            points.append(PointForce(each.block, tuple(at), tuple(force)))
+            if moment.any():
+                rest = np.concatenate([np.zeros(3), moment]) + forces.get(each.block, np.zeros(6))
+                forces[each.block] = tuple(rest)
+        return replace(load, points=points, forces=forces, pressures=())
+
+    return scene._copy(dead=of(scene.dead), live=of(scene.live))
