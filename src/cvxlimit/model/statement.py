@@ -3,7 +3,7 @@ what it may maximise, its goal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -14,19 +14,18 @@ import scipy.sparse as sp
 
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
-from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
+from cvxlimit.model.formulations import (
+    Formulation,
+    corner_compressions,
+    express,
+    model_of,
+    times,
+)
 from cvxlimit.model.given import Given
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.model.statics import DOF
-from cvxlimit.surfaces.base import (
-    Condition,
-    LinearForm,
-    YieldSurface,
-    admissible,
-    product,
-    times,
-)
-from cvxlimit.surfaces.cones import Cone
+from cvxlimit.surfaces.base import Condition, LinearForm, YieldSurface, product
+from cvxlimit.surfaces.cones import Cone, Sink
 from cvxlimit.surfaces.coulomb import needed_surfaces, with_bounds
 
 
@@ -97,6 +96,28 @@ def largest_self_stress(stated: Stated) -> Any:
     stated.into.zero(stated.factor)
     stated.dead, stated.live = 0.0 * stated.dead, 0.0 * stated.live
     return np.ones(pressure.size) @ pressure
+
+
+def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone: Cone) -> None:
+    """States a condition on force components (n,), which are forms of the sink.
+
+    ``forces`` also holds a :data:`CONSTANT`: the unit in which the components are. Each norm gets
+    an auxiliary bound, which is taken off the resistance, except a last one without a weight: its
+    bound is the rest of the resistance.
+    """
+    contact = condition.contact
+    remaining = express(condition.resistance, forces, contact)
+    norms = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
+    last = norms.pop() if norms and norms[-1].is_plain else None
+    for norm in norms:
+        rows = [express(form, forces, contact) for form in norm.rows]
+        bound = into.new(rows[0].size)
+        cone.epigraph(into, bound, rows)
+        remaining = remaining - times(norm.weight, bound)
+    if last is None:
+        into.nonneg(remaining)
+    else:
+        cone.epigraph(into, remaining, [express(form, forces, contact) for form in last.rows])
 
 
 class Statement:

@@ -27,9 +27,9 @@ from cvxlimit.surfaces.base import (
     Recession,
     YieldSurface,
     columns,
-    condition_excess,
+    conditions_of,
+    excesses,
     has_constants,
-    number,
     stated,
 )
 from cvxlimit.surfaces.cones import Cone
@@ -92,7 +92,7 @@ class Strength:
         # a force component, so that a condition by name would mean the wrong one.
         self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])
         self._points = np.flatnonzero(self.contacts.is_point)
-        others = (s for s in surfaces if s.name != Rocking.name)
+        others = [s for s in surfaces if s.name != Rocking.name]
         self.surfaces = with_bounds((Rocking(), *others), self.contacts)
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
 
@@ -144,11 +144,9 @@ class Strength:
     def _unresisted(self) -> tuple[list[BoolArray], BoolArray]:
         """The rows whose resistance is zero, condition by condition, and the contact forces (n, 6)
         that must therefore be zero, as shear of a contact without friction."""
-        rows_without, unresisted = [], np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
-        for condition, _ in self.conditions:
-            rows = condition.rows(len(self.contacts))
-            sizes = (np.abs(number(k)) for k in condition.resistance.values())
-            is_zero = (sum(sizes, np.zeros(len(rows))) == 0.0) & bool(condition.norms)
+        rows_without, unresisted = [], np.zeros((self.model.count, len(COMPONENTS)), dtype=bool)
+        for rows, (condition, _) in zip(self._condition_rows, self.conditions, strict=True):
+            is_zero = condition.is_unresisted(rows)
             rows_without.append(is_zero)
             names = [name for norm in condition.norms for row in norm.rows for name in row]
             for name in COLUMN.keys() & names:
@@ -162,28 +160,31 @@ class Strength:
         """All conditions on states, each with the cone that bounds its norms."""
         if self.is_internal:
             return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
-        return [(c, s.cone) for s in self.surfaces for c in stated(s, self.contacts)]
+        return [(c, s.cone) for s, c in conditions_of(self.surfaces, self.contacts)]
+
+    @cached_property
+    def _condition_rows(self) -> list[IntArray]:
+        """The contact of every row of each condition."""
+        every = np.arange(self.model.count)
+        return [every if c.contact is None else c.contact for c, _ in self.conditions]
 
     @cached_property
     def is_cone(self) -> bool:
         """True if no condition has a constant: any multiple of admissible forces is admissible."""
-        has = any(has_constants(condition) for condition, _ in self.conditions)
-        return self.crushing is None and not has
+        conditions = [condition for condition, _ in self.conditions]
+        return self.crushing is None and not has_constants(conditions)
 
     def recession(self) -> tuple[tuple[YieldSurface, ...], Formulation]:
         """Returns surfaces and formulation without their constants: their admissible forces are the
         directions in which those of this strength may grow without end."""
         surfaces = tuple(
-            Recession(s) if any(map(has_constants, stated(s, self.contacts))) else s
-            for s in self.surfaces
+            Recession(s) if has_constants(stated(s, self.contacts)) else s for s in self.surfaces
         )
         return surfaces, recession_of(self.formulation)
 
     def state(self, value: object) -> FloatArray | None:
         """Returns ``value`` as the array of a state; None for None and for numbers not finite."""
-        shape = (
-            (self.model.resultant_map.shape[1],) if self.is_internal else (len(self.contacts), 6)
-        )
+        shape = (self.model.resultant_map.shape[1],) if self.is_internal else (self.model.count, 6)
         return finite(value, shape, "internal force" if self.is_internal else "contact")
 
     def forces(self, state: FloatArray) -> FloatArray:
@@ -194,7 +195,7 @@ class Strength:
         """Returns the yield functions y of a state, as forces, one array per condition; y <= 0 is
         admissible."""
         values = columns(state) if not self.is_internal else self.model.values(state)
-        excess = [condition_excess(c, cone, values) for c, cone in self.conditions]
+        excess = excesses(self.conditions, values)
         rows_without, unresisted = self._unresisted
         if unresisted.any():  # a state without these forces is inside
             pairs = zip(excess, rows_without, strict=True)
@@ -210,7 +211,7 @@ class Strength:
     @cached_property
     def rows(self) -> list[IntArray]:
         """The contact of every entry of :meth:`excess`."""
-        rows = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
+        rows = list(self._condition_rows)
         if len(self._points) and not self.is_internal:
             rows.append(self._points)
         if self.crushing is not None:
@@ -233,16 +234,11 @@ class Strength:
     def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """Returns the state with the least change that balances the loads of ``statics`` at a load
         factor; the state itself where some blocks have no support."""
-        if not self.balance.is_supported:
-            return state
-        if self.balance.held is not None:
-            unresisted = self.balance.held if self.is_internal else self._unresisted[1]
+        balance, is_internal = self.balance, self.is_internal
+        if balance.held is not None and balance.is_supported:
+            unresisted = balance.held if is_internal else self._unresisted[1]
             state = np.where(unresisted, 0.0, state)
-        for _ in range(2):  # the second change removes the rounding of the first
-            residual = statics.residual(self.forces(state), load_factor).ravel()
-            change = self.balance.change(residual)
-            state = state + (change if self.is_internal else self.balance.model.forces(change))
-        return state
+        return balance.balanced(state, load_factor, statics, is_internal)
 
     @cached_property
     def rate_sizes(self) -> FloatArray:

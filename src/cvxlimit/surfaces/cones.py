@@ -83,6 +83,33 @@ class Cone(ABC):
     def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None: ...
 
 
+Bounded = Sequence[tuple[Cone, slice, Sequence[Sequence[slice]]]]
+"""Of conditions that stand one below the other: the cone, the rows of the resistance, and of each
+norm the rows of its components, one slice per component."""
+
+
+def with_gauges(
+    bounded: Bounded, components: Sequence[FloatArray], y: list[FloatArray]
+) -> list[FloatArray]:
+    """Returns ``y`` (k,) of each of some states with the gauges of the norms of every condition
+    added to it in place, from the ``components`` (q,) of all norms."""
+    for of_state, total in zip(components, y, strict=True):
+        for cone, at, norms in bounded:
+            for norm in norms:
+                total[at] += cone.gauge([of_state[rows] for rows in norm])
+    return y
+
+
+def largest_polar_gauges(bounded: Bounded, components: FloatArray, count: int) -> FloatArray:
+    """Returns the largest polar gauge (k,) of the norms of every condition, zero without norms."""
+    result = np.zeros(count)
+    for cone, at, norms in bounded:
+        for norm in norms:
+            polar = cone.polar_gauge([components[rows] for rows in norm])
+            result[at] = np.maximum(result[at], polar)
+    return result
+
+
 @dataclass(frozen=True)
 class Conic(Cone):
     """The exact Euclidean norm: second-order cones (Eq. 10).

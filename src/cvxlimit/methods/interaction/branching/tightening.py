@@ -22,11 +22,11 @@ from cvxlimit.methods.interaction.relaxation.column_blocks import ColumnBlock, C
 from cvxlimit.methods.interaction.relaxation.hull import HullProblem, LoadBlock
 from cvxlimit.methods.interaction.relaxation.upper import priced_disjuncts
 from cvxlimit.methods.interaction.settings import BRANCH, PROOF
+from cvxlimit.model.formulations import times
 from cvxlimit.model.sinks import Rows
 from cvxlimit.readings.states.disjuncts import Disjuncts
 from cvxlimit.readings.states.pressure import centres
 from cvxlimit.solvers import SolverSettings
-from cvxlimit.surfaces.base import times
 
 
 def tightened_root(

@@ -51,7 +51,7 @@ from cvxlimit.methods.interaction.relaxation.column_blocks import (
     cut,
 )
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.formulations import resultants
+from cvxlimit.model.formulations import resultants, times
 from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.sinks import Constraints, Form, Rows, gathered, stacked
 from cvxlimit.readings.halves import SymmetricHalf
@@ -60,7 +60,6 @@ from cvxlimit.readings.states.support import half_extent
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
 from cvxlimit.solvers.program import ConeProgram
-from cvxlimit.surfaces.base import times
 from cvxlimit.surfaces.coulomb import Rocking
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
+from cvxlimit.model.formulations import ForceModel, Part, corner_compressions, times
 from cvxlimit.model.problem import LimitProgram
 from cvxlimit.model.statement import Stated
 from cvxlimit.readings.halves import SymmetricHalf
@@ -29,7 +29,7 @@ from cvxlimit.readings.states.majorants import Forces, Linear, Point, StepRows
 from cvxlimit.readings.states.rectangles import Rectangles
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings
-from cvxlimit.surfaces.base import Condition, LinearForm, Norm, YieldSurface, times
+from cvxlimit.surfaces.base import Condition, LinearForm, Norm, YieldSurface
 from cvxlimit.surfaces.coulomb import Rocking
 
 
