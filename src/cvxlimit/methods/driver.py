@@ -23,7 +23,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
-from cvxlimit.model.mortar import Mortar, is_needed
+from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.readings.moments import INDEPENDENT, Moments
 from cvxlimit.scene import Scene, check_scene
@@ -156,7 +156,7 @@ class Run:
         with self.clock.phase("compile"):
             self.assemblage = as_given = Assemblage.of(scene)
             self.given, self.repeats = as_given.scene, as_given.repeats
-            self.mortar = Mortar.of(self.given) if is_needed(self.contacts) else None
+            self.mortar = Mortar.of(self.given) if self.contacts.pulls else None
             if self.mortar is not None:
                 scaling = as_given.scaling if as_given is scene else None
                 self.assemblage = Assemblage.of(self.mortar.scene, scaling)

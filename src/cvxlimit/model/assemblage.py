@@ -70,6 +70,11 @@ class Assemblage:
         statics.__dict__["matrix"] = self.statics.matrix
         return Assemblage(scene, statics, Scaling.of(scene), self.balance, self.repeats)
 
+    @property
+    def corners(self) -> ForceModel | None:
+        """Corner compressions of all contacts; None where forces are balanced in a plane."""
+        return self.balance.model if self.balance.rates is None else None
+
     @cached_property
     def scaled(self) -> Statics:
         return self.scaling.apply(self.statics)

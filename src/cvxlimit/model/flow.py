@@ -47,8 +47,8 @@ from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.formulations import ForceModel, corner_compressions, express
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.solvers import clarabel_at, run
-from cvxlimit.surfaces.base import CONSTANT, LinearForm, YieldSurface, at_present, number
-from cvxlimit.surfaces.cones import Cone, largest_polar_gauges, with_gauges
+from cvxlimit.surfaces.base import CONSTANT, LinearForm, YieldSurface, number
+from cvxlimit.surfaces.cones import Cone, with_gauges
 from cvxlimit.surfaces.coulomb import Bounds, with_bounds
 
 _TIGHT = 1e-11
@@ -102,7 +102,7 @@ class _Forms:
     ``forces`` are the components of ``contacts`` contacts as forms of ``width`` unknowns, the
     internal forces; ``forms`` come with the contact of each of their rows, None for one per
     contact. They stand one below the other: ``slices`` says which rows are those of each form, and
-    ``contact`` has the contact of every row. Parameters count with their present values.
+    ``contact`` has the contact of every row.
     """
 
     def __init__(
@@ -110,8 +110,7 @@ class _Forms:
         forms: list[tuple[LinearForm, IntArray | None]],
     ) -> None:  # fmt: skip
         every = np.arange(contacts)
-        numbers = at_present([form for form, _ in forms])
-        rows = [express(form, forces, at) for form, (_, at) in zip(numbers, forms, strict=True)]
+        rows = [express(form, forces, at) for form, at in forms]
         ends = list(accumulate((form.size for form in rows), initial=0))
         self.slices, self.size = list(map(slice, ends, ends[1:])), ends[-1]
         whole = stacked(rows or [forces["N"][every[:0]]])  # without forms, no rows
@@ -140,9 +139,9 @@ class StrengthRows:
         resistances: list[tuple[LinearForm, IntArray | None]] = []
         norms: list[tuple[LinearForm, IntArray | None]] = []
         for _, condition, _ in stated:
-            resistances.append((condition.resistance, condition.contact))
-            for norm in condition.norms:
-                norms += zip(norm.weighted_rows, repeat(condition.contact))
+            resistance, rows = condition.at_present()
+            resistances.append((resistance, condition.contact))
+            norms += zip(rows, repeat(condition.contact))
         unknowns = Rows()
         forces, _ = model.unknowns(unknowns)
         count, width = model.count, unknowns.width
@@ -151,9 +150,9 @@ class StrengthRows:
         # Forms were collected condition by condition, so their slices come in that order.
         self.conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
         of_norms = iter(self.norms.slices)
-        for (_, condition, cone), rows in zip(stated, self.resistance.slices, strict=True):
+        for (_, condition, cone), at in zip(stated, self.resistance.slices, strict=True):
             by_norm = [list(islice(of_norms, len(norm.rows))) for norm in condition.norms]
-            self.conditions.append((cone, rows, by_norm))
+            self.conditions.append((cone, at, by_norm))
 
     def excess(self, *states: FloatArray) -> list[FloatArray]:
         """Yield functions (k,) of each of some states, internal forces (p,), row by row of the
@@ -189,8 +188,9 @@ class FlowRule(StrengthRows):
         # N: a uniform opening of the contact is that much along it.
         self._signed = np.flatnonzero(~self.model.nonneg)
         self._compressions = np.flatnonzero(self.model.nonneg)
-        normal = self.model.resultant_map[COLUMN["N"] :: len(COMPONENTS)]
-        per_unit = np.asarray(normal.sum(axis=0), dtype=float).ravel()
+        gives, width = self.model.resultant_map.tocoo(), len(self.model.nonneg)
+        is_normal = gives.row % len(COMPONENTS) == COLUMN["N"]
+        per_unit = np.bincount(gives.col[is_normal], gives.data[is_normal], width)
         self._normal_per_unit = per_unit[self._compressions]
         size = self.model.contacts.typical_size
         self._length = np.where(self.model.is_moment[self._signed], size, 1.0)
@@ -211,11 +211,13 @@ class FlowRule(StrengthRows):
         # the others make up for them.
         self._is_linear = np.zeros(self.resistance.size, dtype=bool)  # conditions without norms
         self._is_coupled = np.zeros(self.norms.size, dtype=bool)
-        signed_entries = np.diff(self.resistance.matrix[:, self._signed].indptr)  # of each row
+        grows = self.resistance.matrix.tocoo()
+        is_signed = np.zeros(self.resistance.size, dtype=bool)
+        is_signed[grows.row[~self.model.nonneg[grows.col]]] = True
         for _, rows, by_norm in self.conditions:
             self._is_linear[rows] = not by_norm
             for row in chain(*by_norm):
-                self._is_coupled[row] = signed_entries[rows].any()
+                self._is_coupled[row] = is_signed[rows].any()
         # All y is determined where it alone resists the signed rates, with no more rows than these
         # are: B' y = -r has one solution then, and the least multipliers are its polar gauges.
         has_choice = self._is_linear.any() or self._is_coupled.any()
@@ -342,7 +344,12 @@ class FlowRule(StrengthRows):
     def _least_multipliers(self, flows: FloatArray) -> FloatArray:
         """Returns the least multipliers (k,) that flows (q,) permit: the largest polar gauge of a
         condition's norms, zero for a condition without norms."""
-        return largest_polar_gauges(self.conditions, flows, self.resistance.size)
+        result = np.zeros(self.resistance.size)
+        for cone, at, by_norm in self.conditions:
+            for norm in by_norm:
+                gauge = cone.polar_gauge([flows[row] for row in norm])
+                result[at] = np.maximum(result[at], gauge)
+        return result
 
     @cached_property
     def _uncoupled(self) -> tuple[sp.csr_array, BoolArray, Callable[[FloatArray], FloatArray]]:

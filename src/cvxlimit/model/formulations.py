@@ -169,7 +169,7 @@ class ForceModel:
         written = [(surface.name, condition, surface.cone) for surface, condition in stated]
         written += [("formulation", condition, self.cone) for condition in self.conditions]
         if len(faces := self.contacts.faces) < self.count:
-            written = [(name, on_faces(c, faces), cone) for name, c, cone in written]
+            written = [(name, c.on_faces(faces), cone) for name, c, cone in written]
             written = [each for each in written if len(each[1].rows(0))]
         for _, condition, _ in written:
             rows = self.count if condition.contact is None else len(condition.contact)
@@ -258,22 +258,6 @@ def times(coefficient: Coefficient, component: Any) -> Any:
     return cp.multiply(coefficient, component)
 
 
-def on_faces(condition: Condition, faces: IntArray) -> Condition:
-    """Returns a condition without its rows at contacts that are points, which have none but
-    bounds."""
-    if condition.contact is not None:
-        return condition
-
-    def of(coefficient: Any) -> Any:
-        return coefficient if np.ndim(coefficient) == 0 else coefficient[faces]
-
-    def rows(form: LinearForm) -> LinearForm:
-        return {name: of(c) for name, c in form.items()}
-
-    norms = [Norm(*map(rows, n.rows), weight=of(n.weight)) for n in condition.norms]
-    return Condition(norms, rows(condition.resistance), faces)
-
-
 Formulation = Callable[[Contacts], ForceModel]
 
 Numbers = Mapping[str, float | FloatArray]
@@ -284,18 +268,25 @@ DIVISIONS = 8
 l/5 both ways a square then bears 1 % less than its plastic field."""
 
 
-def model_of(formulation: Formulation, contacts: Contacts) -> ForceModel:
+def model_of(
+    formulation: Formulation, contacts: Contacts, corners: ForceModel | None = None
+) -> ForceModel:
     """The force model of contacts under a formulation, with compressive strength where given.
 
     Rectangles crush on their effective rectangle, other polygons under a plastic field on cells.
-    Formulations with an attribute ``sees_to_strength`` state that themselves.
+    Formulations with an attribute ``sees_to_strength`` state that themselves. ``corners`` are
+    corner compressions that are known already, perhaps of these contacts.
 
     Raises
     ------
     ModelError
         If that is no :class:`ForceModel`.
     """
-    model = formulation(contacts) if callable(formulation) else formulation
+    model: Any = formulation
+    if formulation is corner_compressions and corners is not None and corners.contacts is contacts:
+        model = corners
+    elif callable(formulation):
+        model = formulation(contacts)
     if not isinstance(model, ForceModel):
         raise ModelError(
             "formulation must be a function from contacts to a ForceModel, like "

@@ -142,7 +142,8 @@ class Statement:
             reduction = replace(whole, contacts=given.contacts)
         self.reduction = reduction
         self.goal, self.repeats, self.scaling = goal, repeats, self.assemblage.scaling
-        self.model = model_of(self.reduction.formulation, self.reduction.contacts)
+        corners, reduction = self.assemblage.corners, self.reduction
+        self.model = model_of(reduction.formulation, reduction.contacts, corners)
         # units of internal forces, and one over those of equilibrium's rows: moments by the length
         self._unit = np.where(self.model.is_moment, self.scaling.length, 1.0)
         down = np.repeat([1.0, 1.0 / self.scaling.length], 3)
@@ -199,10 +200,7 @@ class Statement:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Scaled, of the internal forces."""
-        if self.repeats is None or not self._is_whole:
-            matrix = self._matrix()
-        else:
-            matrix = self.repeats.shared("matrix", self.model.contacts, self._matrix)
+        matrix = self._matrix()
         sizes = [  # of loads, one where they are open
             np.ones(load.size) if isinstance(load, cp.Expression) else np.abs(load)
             for load in self.loads
@@ -225,8 +223,11 @@ class Statement:
     def _matrix(self) -> sp.csr_array:
         """The matrix of equilibrium along all six ways of all free blocks, scaled."""
         lift, resultant_map = self.reduction.forces, self.model.resultant_map
-        forces = resultant_map if lift is None else lift @ resultant_map
-        matrix = (self.assemblage.statics.matrix @ forces).tocsr()
+        if self._is_whole and self.assemblage.corners is not None:
+            matrix = self.assemblage.balance.matrix.copy()
+        else:
+            forces = resultant_map if lift is None else lift @ resultant_map
+            matrix = (self.assemblage.statics.matrix @ forces).tocsr()
         matrix.data *= np.repeat(self._down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
         matrix.eliminate_zeros()
         return matrix

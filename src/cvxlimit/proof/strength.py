@@ -80,13 +80,14 @@ class Strength:
         self.contacts = assemblage.contacts
         self.formulation = formulation
         # rectangles that crush have closed forms; what else crushes has forces of its own
-        self.crushing = EffectiveRectangles.of(self.contacts)
-        if formulation is not corner_compressions:
-            self.crushing = None
-        is_plain = self.crushing is not None
-        model = formulation(self.contacts) if is_plain else model_of(formulation, self.contacts)
+        is_plain = formulation is corner_compressions
+        self.crushing = EffectiveRectangles.of(self.contacts) if is_plain else None
+        if self.crushing is None:
+            model = model_of(formulation, self.contacts, assemblage.corners)
+        else:
+            model = corner_compressions(self.contacts)
         self.is_internal = bool(model.conditions)
-        is_needed = self.is_internal or formulation is corner_compressions
+        is_needed = self.is_internal or is_plain
         self.model = model if is_needed else corner_compressions(self.contacts)
         # Compressions among internal forces, by place: a part of a formulation may have the name of
         # a force component, so that a condition by name would mean the wrong one.
@@ -144,13 +145,13 @@ class Strength:
     def _unresisted(self) -> tuple[list[BoolArray], BoolArray]:
         """The rows whose resistance is zero, condition by condition, and the contact forces (n, 6)
         that must therefore be zero, as shear of a contact without friction."""
-        rows_without, unresisted = [], np.zeros((self.model.count, len(COMPONENTS)), dtype=bool)
-        for rows, (condition, _) in zip(self._condition_rows, self.conditions, strict=True):
-            is_zero = condition.is_unresisted(rows)
-            rows_without.append(is_zero)
+        rows_without = [condition.unresisted(self.model.count) for condition, _ in self.conditions]
+        unresisted = np.zeros((self.model.count, len(COMPONENTS)), dtype=bool)
+        for (condition, _), is_zero in zip(self.conditions, rows_without, strict=True):
+            at = np.arange(self.model.count) if condition.contact is None else condition.contact
             names = [name for norm in condition.norms for row in norm.rows for name in row]
             for name in COLUMN.keys() & names:
-                unresisted[rows[is_zero], COLUMN[name]] = True
+                unresisted[at[is_zero], COLUMN[name]] = True
         unresisted[self._points, :] = True
         unresisted[:, COLUMN["N"]] = False
         return rows_without, unresisted
@@ -161,12 +162,6 @@ class Strength:
         if self.is_internal:
             return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
         return [(c, s.cone) for s, c in conditions_of(self.surfaces, self.contacts)]
-
-    @cached_property
-    def _condition_rows(self) -> list[IntArray]:
-        """The contact of every row of each condition."""
-        every = np.arange(self.model.count)
-        return [every if c.contact is None else c.contact for c, _ in self.conditions]
 
     @cached_property
     def is_cone(self) -> bool:
@@ -211,7 +206,7 @@ class Strength:
     @cached_property
     def rows(self) -> list[IntArray]:
         """The contact of every entry of :meth:`excess`."""
-        rows = list(self._condition_rows)
+        rows = [condition.rows(self.model.count) for condition, _ in self.conditions]
         if len(self._points) and not self.is_internal:
             rows.append(self._points)
         if self.crushing is not None:

@@ -83,10 +83,31 @@ class Condition:
         """Contact of each row, among so many contacts."""
         return np.arange(contacts) if self.contact is None else self.contact
 
-    def is_unresisted(self, rows: IntArray) -> BoolArray:
-        """In which of its rows no forces resist those that its norms limit, at present values."""
+    def unresisted(self, contacts: int) -> BoolArray:
+        """In which of its rows nothing resists the forces that norms limit, at present values."""
         sizes = (np.abs(number(k)) for k in self.resistance.values())
-        return (sum(sizes, np.zeros(len(rows))) == 0.0) & bool(self.norms)
+        return (sum(sizes, np.zeros(len(self.rows(contacts)))) == 0.0) & bool(self.norms)
+
+    def at_present(self) -> tuple[LinearForm, list[LinearForm]]:
+        """The resistance, and all rows of norms times their weights, in numbers at the present
+        values of Parameters."""
+        rows = chain.from_iterable(norm.weighted_rows for norm in self.norms)
+        forms = [{name: number(k) for name, k in form.items()} for form in (self.resistance, *rows)]
+        return forms[0], list(forms[1:])
+
+    def on_faces(self, faces: IntArray) -> Condition:
+        """The condition without its rows at points, which have none but bounds."""
+        if self.contact is not None:
+            return self
+
+        def of(coefficient: Any) -> Any:
+            return coefficient if np.ndim(coefficient) == 0 else coefficient[faces]
+
+        def rows(form: LinearForm) -> LinearForm:
+            return {name: of(c) for name, c in form.items()}
+
+        norms = [Norm(*map(rows, n.rows), weight=of(n.weight)) for n in self.norms]
+        return Condition(norms, rows(self.resistance), faces)
 
     def recession(self) -> Condition:
         """The condition without its constants: the directions in which forces may grow."""
@@ -331,11 +352,6 @@ def number(coefficient: Coefficient) -> float | FloatArray:
     if isinstance(coefficient, cp.Expression):
         return np.asarray(coefficient.value, dtype=float)
     return coefficient
-
-
-def at_present(forms: Iterable[LinearForm]) -> list[dict[str, float | FloatArray]]:
-    """Returns linear forms in numbers, at the present values of their Parameters."""
-    return [{name: number(k) for name, k in form.items()} for form in forms]
 
 
 def is_some(coefficient: Coefficient) -> bool:

@@ -100,16 +100,6 @@ def with_gauges(
     return y
 
 
-def largest_polar_gauges(bounded: Bounded, components: FloatArray, count: int) -> FloatArray:
-    """Returns the largest polar gauge (k,) of the norms of every condition, zero without norms."""
-    result = np.zeros(count)
-    for cone, at, norms in bounded:
-        for norm in norms:
-            polar = cone.polar_gauge([components[rows] for rows in norm])
-            result[at] = np.maximum(result[at], polar)
-    return result
-
-
 @dataclass(frozen=True)
 class Conic(Cone):
     """The exact Euclidean norm: second-order cones (Eq. 10).
