@@ -72,8 +72,11 @@ class Assemblage:
 
     @property
     def corners(self) -> ForceModel | None:
-        """Corner compressions of all contacts; None where forces are balanced in a plane."""
-        return self.balance.model if self.balance.rates is None else None
+        """Corner compressions that ``balance`` changes; None where it is of other equilibrium, of a
+        part or in a plane."""
+        balance = self.balance
+        is_own = balance.rates is None and balance.statics.matrix is self.statics.matrix
+        return balance.model if is_own else None
 
     @cached_property
     def scaled(self) -> Statics:
