@@ -282,11 +282,10 @@ def model_of(
     ModelError
         If that is no :class:`ForceModel`.
     """
-    model: Any = formulation
-    if formulation is corner_compressions and corners is not None and corners.contacts is contacts:
-        model = corners
-    elif callable(formulation):
-        model = formulation(contacts)
+    is_plain = formulation is corner_compressions
+    is_known = is_plain and getattr(corners, "contacts", None) is contacts
+    model: Any = corners if is_known else formulation
+    model = model(contacts) if callable(model) else model
     if not isinstance(model, ForceModel):
         raise ModelError(
             "formulation must be a function from contacts to a ForceModel, like "

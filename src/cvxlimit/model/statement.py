@@ -14,13 +14,7 @@ import scipy.sparse as sp
 
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
-from cvxlimit.model.formulations import (
-    Formulation,
-    corner_compressions,
-    express,
-    model_of,
-    times,
-)
+from cvxlimit.model.formulations import Formulation, corner_compressions, express, model_of, times
 from cvxlimit.model.given import Given
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.model.statics import DOF

@@ -58,17 +58,11 @@ class Cone(ABC):
 
     def epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         """State ``gauge(rows) <= bound``."""
-        if len(rows) == 1:
-            _between(into, bound, rows[0])
-        else:
-            self._epigraph(into, bound, rows)
+        (_between if len(rows) == 1 else self._epigraph)(into, bound, rows)
 
     def polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         """State ``polar_gauge(rows) <= bound``."""
-        if len(rows) == 1:
-            _between(into, bound, rows[0])
-        else:
-            self._polar_epigraph(into, bound, rows)
+        (_between if len(rows) == 1 else self._polar_epigraph)(into, bound, rows)
 
     @abstractmethod
     def _gauge(self, rows: FloatArray) -> FloatArray: ...
@@ -227,19 +221,19 @@ class Parabola(Cone):
         v1, v2, m = rows
         half = into.new(m.size)
         into.cone(bound - half, [v1, v2, 0.5 * m])
-        _between(into, half, 0.5 * m)
+        _between(into, half, [0.5 * m])
 
     def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         slip_1, slip_2, twist = rows
         share = into.new(twist.size)
         into.cone(bound, [slip_1, slip_2, 2.0 * share])
-        _between(into, bound, 2.0 * (twist - share))
+        _between(into, bound, [2.0 * (twist - share)])
 
 
-def _between(into: Sink, bound: Any, row: Any) -> None:
-    """States abs(row) <= bound."""
-    into.nonneg(bound - row)
-    into.nonneg(bound + row)
+def _between(into: Sink, bound: Any, rows: Sequence[Any]) -> None:
+    """States abs(row) <= bound of one row."""
+    into.nonneg(bound - rows[0])
+    into.nonneg(bound + rows[0])
 
 
 def parse_cone(name: str) -> Cone:
