@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import cvxpy as cp
 import numpy as np
 import pytest
 
-from cvxlimit import Load, Scene, Status, builtin_scene, solve
+from cvxlimit import Block, Load, PointForce, Scene, Status, Tie, builtin_scene, solve
 from cvxlimit.masonry import random_wall, single_block, stack
 from cvxlimit.model.door import LimitProblem
 from cvxlimit.proof.certificate import Certifier
@@ -240,6 +241,38 @@ def test_values_and_duals_are_those_of_the_answer(seed: int) -> None:
         if other.load_factor is not None and other.status is Status.CERTIFIED:
             allowed = found.upper + float(np.dot(duals, steps))
             assert other.lower <= allowed + 1e-5 * span
+
+
+class TestNothingThrough:
+    """A limit that leaves a force no room has a bracket: that of the scene without the contact."""
+
+    @pytest.mark.parametrize("is_equation", [False, True])
+    def test_a_tie_that_bears_nothing(self, is_equation: bool) -> None:
+        bare = single_block()
+        ground, block = (b.id for b in bare.blocks)
+        tie = Tie(ground, block, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), yield_force=5.0)
+        tied = replace(bare, ties=(tie,))
+        alone, problem = solve(bare), LimitProblem(tied)
+        pull = -problem.N[f"tie {ground}-{block}"]
+        assert problem.solve().lower > alone.upper  # it holds the block down
+        problem.add("loose", pull == 0.0 if is_equation else pull <= 0.0)
+        found = problem.solve()
+        assert found.status is Status.CERTIFIED
+        assert found.load_factor == pytest.approx(alone.load_factor, rel=1e-5)
+
+    def test_a_contact_that_is_open(self) -> None:
+        """A block between two walls, pushed at one that bears nothing: it slides."""
+        walls = [Block.box(f"wall{s:+d}", (2 * s - 1, -1, -1), (2 * s + 1, 1, 3)) for s in (-1, 1)]
+        floor = Block.box("floor", (-1, -1, -1), (1, 1, 0))
+        block = Block.box("block", (-1, -1, 0), (1, 1, 1), density=5)
+        live = Load(points=(PointForce("block", (-1.0, 0.0, 0.5), (3.0, 0.0, 0.0)),))
+        scene = Scene([*walls, floor, block], [w.id for w in walls] + ["floor"], live, friction=0.5)
+        problem = LimitProblem(scene)
+        assert problem.solve().status is Status.LIVE_LOAD_HARMLESS
+        problem.add("open", problem.N["wall+1-block"] <= 0.0)
+        found = problem.solve()
+        assert found.status is Status.CERTIFIED
+        assert found.load_factor == pytest.approx(0.5 * 20.0 / 3.0, rel=1e-5)
 
 
 class TestWithoutBracket:

@@ -37,7 +37,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from cvxlimit.base.arrays import EPSILON, FloatArray
+from cvxlimit.base.arrays import EPSILON, BoolArray, FloatArray, IntArray
+from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.limits import LinearLimits
 from cvxlimit.model.statics import DOF, block_sizes
 from cvxlimit.proof.certificate import Certifier
@@ -61,14 +62,31 @@ class OwnCertifier:
             self.of_forces = row.toarray().ravel()
         self.has_aim = row is not None
         self.statics, self.strength = certifier.statics, certifier.strength
+        is_idle, idle = self._idle()
+        if len(idle):
+            self.strength = self.strength.without(idle)
         on_forces = np.diff(limits.matrix.indptr) > 0
         is_equation = limits.is_equation & ~on_forces & (limits.factor != 0.0)
         self._factor_equations = np.flatnonzero(is_equation)  # of the load factor alone
-        self._other_equations = np.flatnonzero(limits.is_equation & on_forces)
+        self._other_equations = np.flatnonzero(limits.is_equation & on_forces & ~is_idle)
         self._abs_matrix = abs(limits.matrix)
         # Where an equation gives the load factor, limits on that alone hold or not, exactly.
         self._decided = np.flatnonzero(~on_forces & (len(self._factor_equations) > 0))
         self._misses = np.array([0.0 if self._holds(j) else np.inf for j in self._decided])
+
+    def _idle(self) -> tuple[BoolArray, IntArray]:
+        """The limits (m,) that let a contact have no compression, or a tie no pull, and these
+        contacts (k,): nothing is strictly inside there, but without their forces all holds."""
+        limits, contacts = self.limits, self.strength.contacts
+        start, is_alone = limits.matrix.indptr, np.diff(limits.matrix.indptr) == 1
+        is_idle = is_alone & (limits.factor == 0.0) & (limits.right == 0.0)
+        of = np.zeros(len(is_idle), dtype=int)
+        of[is_idle], a = limits.matrix.indices[start[:-1][is_idle]], np.zeros(len(is_idle))
+        a[is_idle] = limits.matrix.data[start[:-1][is_idle]]
+        contact, column = np.divmod(of, DOF)
+        is_idle &= limits.is_equation | (a * contacts.sense[contact] > 0.0)
+        is_idle &= column == COLUMN["N"]
+        return is_idle, np.unique(contact[is_idle])
 
     def _holds(self, j: np.intp) -> bool:
         """True if row j, of the load factor alone, holds at the one that an equation gives."""

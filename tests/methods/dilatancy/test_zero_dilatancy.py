@@ -69,7 +69,8 @@ def test_walls_within_what_is_known(name: str) -> None:
 @pytest.mark.parametrize("seed", [100, 200, 300, 400])
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_other_seeds_find_the_same(name: str, seed: int) -> None:
-    assert solved(name, seed).load_factor == pytest.approx(PUBLISHED[name][0], rel=1e-5)
+    """Up to a thousandth: a search asks for members that are lower than its lowest by as much."""
+    assert solved(name, seed).load_factor == pytest.approx(PUBLISHED[name][0], rel=1e-3)
 
 
 def planar_wall_without_a_first_member() -> Scene:
