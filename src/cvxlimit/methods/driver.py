@@ -362,9 +362,8 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     is_empty = best.load_factor is None and not best.bracket.has_any
     if best.bracket.contradicts:
         status = Status.NOT_CERTIFIED
-        run.remarks.insert(
-            0, "the bounds contradict each other, so an assumption behind them fails"
-        )
+        fails = "the bounds contradict each other, so an assumption behind them fails"
+        run.remarks.insert(0, fails)
     elif has_answer and is_empty and run.attempts:
         ends = [end.has_values or end.claims_no_optimum for _, end in run.attempts]
         status = status if any(ends) else Status.SOLVER_FAILED

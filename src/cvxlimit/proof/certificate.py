@@ -284,11 +284,9 @@ class Certifier:
             return _Bound(-np.inf, False, errors)
 
         # Without a dead-load state, what is violated is weighted by the largest rate.
-        forces = self.strength.forces(x)
-        residual = block_sizes(self.statics.residual(forces, alpha), self.size).sum()
+        residual = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
         excess = self.strength.excess(x)
-        total_excess = sum(float(np.maximum(y, 0.0).sum()) for y in excess)
-        violated = residual + total_excess
+        violated = residual.sum() + sum(float(np.maximum(y, 0.0).sum()) for y in excess)
         error = violated * REFERENCE * rate if violated > 0.0 else 0.0
         assumed = alpha - error if np.isfinite(error) else -np.inf
         dead_state, dead_factor = self.witnesses.dead_state, self.witnesses.factor
