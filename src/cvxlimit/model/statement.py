@@ -136,8 +136,7 @@ class Statement:
             reduction = replace(whole, contacts=given.contacts)
         self.reduction = reduction
         self.goal, self.repeats, self.scaling = goal, repeats, self.assemblage.scaling
-        corners, reduction = self.assemblage.corners, self.reduction
-        self.model = model_of(reduction.formulation, reduction.contacts, corners)
+        self.model = model_of(reduction.formulation, reduction.contacts, self.assemblage.corners)
         # units of internal forces, and one over those of equilibrium's rows: moments by the length
         self._unit = np.where(self.model.is_moment, self.scaling.length, 1.0)
         down = np.repeat([1.0, 1.0 / self.scaling.length], 3)
@@ -194,12 +193,11 @@ class Statement:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Scaled, of the internal forces."""
-        matrix = self._matrix()
         sizes = [  # of loads, one where they are open
             np.ones(load.size) if isinstance(load, cp.Expression) else np.abs(load)
             for load in self.loads
         ]
-        return Equilibrium.of(matrix, np.stack(sizes), self.scaling, self.reduction.rates)
+        return Equilibrium.of(self._matrix(), np.stack(sizes), self.scaling, self.reduction.rates)
 
     @cached_property
     def loads(self) -> tuple[Any, Any]:

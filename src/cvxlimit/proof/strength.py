@@ -87,8 +87,7 @@ class Strength:
         else:
             model = corner_compressions(self.contacts)
         self.is_internal = bool(model.conditions)
-        is_needed = self.is_internal or is_plain
-        self.model = model if is_needed else corner_compressions(self.contacts)
+        self.model = model if self.is_internal or is_plain else corner_compressions(self.contacts)
         # Compressions among internal forces, by place: a part of a formulation may have the name of
         # a force component, so that a condition by name would mean the wrong one.
         self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])

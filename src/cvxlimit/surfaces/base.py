@@ -88,12 +88,13 @@ class Condition:
         sizes = (np.abs(number(k)) for k in self.resistance.values())
         return (sum(sizes, np.zeros(len(self.rows(contacts)))) == 0.0) & bool(self.norms)
 
-    def at_present(self) -> tuple[LinearForm, list[LinearForm]]:
+    def at_present(self) -> tuple[LinearForm, Sequence[LinearForm]]:
         """The resistance, and all rows of norms times their weights, in numbers at the present
         values of Parameters."""
         rows = chain.from_iterable(norm.weighted_rows for norm in self.norms)
-        forms = [{name: number(k) for name, k in form.items()} for form in (self.resistance, *rows)]
-        return forms[0], list(forms[1:])
+        forms = (self.resistance, *rows)
+        first, *others = ({name: number(k) for name, k in form.items()} for form in forms)
+        return first, others
 
     def on_faces(self, faces: IntArray) -> Condition:
         """The condition without its rows at points, which have none but bounds."""
@@ -200,11 +201,9 @@ def conditions_of(
 ) -> list[tuple[YieldSurface, Condition]]:
     """Returns the conditions of several surfaces, after checks for what is easily mistyped;
     ``parts`` are components that they may name besides the six."""
-    count, result = len(contacts), list[tuple[YieldSurface, Condition]]()
-    for surface in surfaces:
-        for condition in surface.conditions(contacts):
-            check_condition(condition, f"surface {surface.name!r}", count, parts)
-            result.append((surface, condition))
+    count, result = len(contacts), [(s, c) for s in surfaces for c in s.conditions(contacts)]
+    for surface, condition in result:
+        check_condition(condition, f"surface {surface.name!r}", count, parts)
     return result
 
 
