@@ -344,7 +344,7 @@ def test_help_is_short_and_breaks_no_word(
         words = set(re.findall(r"[\w-]+", out))
         # examples of pages run in this process may have added pictures of their own
         pictures = [
-            name for name, draw in PICTURES.items() if draw.__module__.startswith("cvxlimit")
+            name for name, draw in PICTURES.items() if draw.__module__.startswith("cvxlimit.")
         ]
         assert words >= {*TABLE, *MOMENTS, *pictures, "octagon-inscribed", "--branching-seconds"}
         assert re.findall(r"─ (\w+) ─", out) == [

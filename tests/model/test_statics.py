@@ -14,7 +14,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.masonry import single_block
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from helpers import hand_equilibrium, rotations, scenes
 

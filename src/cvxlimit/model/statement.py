@@ -115,7 +115,7 @@ def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone
 
 
 class Statement:
-    """What a limit problem says; see :class:`~cvxlimit.model.problem.LimitProgram`."""
+    """What a limit problem says; see :class:`~cvxlimit.model.program.LimitProgram`."""
 
     def __init__(
         self,
