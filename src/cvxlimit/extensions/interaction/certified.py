@@ -401,7 +401,9 @@ class _Proof:
         back = run.auxiliary_run(run.assemblage.under(statics.dead, -statics.live))
         outer = UpperBound(back)
         outer.search(BRACKET.outer, self.ladder)
-        seconds = BRACKET.standing * min(self._end, BRACKET.budget)
+        is_small = len(run.contacts) <= BRACKET.few
+        seconds = BRACKET.branching if is_small else BRACKET.standing * BRACKET.budget
+        seconds = min(seconds, self._end)
         if outer.state is not None and np.isfinite(back.best.bracket.upper):
             until = run.clock.elapsed + seconds
             search = BranchAndBound(back, BRACKET.good, outer=outer, seconds=seconds)
