@@ -44,7 +44,7 @@ from cvxlimit.io import (
 from cvxlimit.io.fields import laid_out
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Search
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.bracket import Bracket, Reference
 from cvxlimit.solution.kinematics import Dilatancy
 from malformed_scenes import GOLDEN
 
@@ -117,8 +117,9 @@ def same(a: Any, b: Any) -> bool:
         return np.array_equal(a, b)
     if isinstance(
         a,
-        Block | Load | Tie | Reaction | PointForce | Pressure | GrowingAcceleration | SupportMotion,
-    ):
+        Block | Load | Tie | Reaction | PointForce | Pressure | GrowingAcceleration
+        | SupportMotion | Reference,
+    ):  # fmt: skip
         return type(a) is type(b) and all(
             same(getattr(a, each.name), getattr(b, each.name)) for each in fields(a)
         )
@@ -221,7 +222,11 @@ SOLUTION = {
     "versions": {"cvxpy": "1.9"}, "torsion_shear": "exact", "flow": "zero-dilatancy",
     "members": (MEMBER,), "searches": (Search(3, 0.4, 300, 120), Search(4, None, 300, 0)),
     "iteration": Iteration(None, None, 0.1, 0.3, 20),
-    "lower_end": LowerEnd(0.1, Bracket(**EVERY[Bracket]), np.ones((1, 6)), {"b": np.arange(6.0)}),
+    "lower_end": LowerEnd(
+        0.1, Bracket(**EVERY[Bracket]), np.ones((1, 6)), {"b": np.arange(6.0)},
+        Reference(0.11, np.ones((1, 6))),
+    ),
+    "reference": Reference(0.16, np.arange(4.0), np.arange(12.0).reshape(2, 6)),
     "dilatancy": Dilatancy(0.5, ("a-b",), 2), "model": ("planar",), "quantity": "reaction",
     "contact_names": ("a-b",), "units": Units("cm", "N"), "internal": np.arange(3.0),
     "scene_digest": "ab12", "tolerance": 0.02,

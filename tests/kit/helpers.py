@@ -106,6 +106,9 @@ def _hand_load(scene: Scene, load: Load) -> FloatArray:
         for vector in (load.gravity, load.acceleration):
             if vector is not None:
                 force[:3] += (block.density or 0.0) * block.volume * np.array(vector)
+        for point in (p for p in load.points if p.block == block.id):
+            force[:3] += point.force
+            force[3:] += np.cross(np.subtract(point.at, block.centroid), point.force)
         result.append(force + np.array(load.forces.get(block.id, np.zeros(6))))
     return np.concatenate(result)
 

@@ -27,7 +27,8 @@ def assert_member(
     surface: str = CIRCLE,
     tolerance: float = 2e-6,
 ) -> None:
-    """Equilibrium, yield, no penetration, no opening under pressure, friction against slip.
+    """Equilibrium, yield, no penetration, no opening under pressure, friction against slip, and
+    reactions between none and their most that bear it wherever they are pushed back.
 
     ``surface`` is "conic" or "octagon". The tolerance is of yield over the load, of penetration
     over the largest opening and of power over the load factor's.
@@ -40,8 +41,19 @@ def assert_member(
     motion |= {scene.blocks[i].id: u for i, u in zip(scene.free, mechanism, strict=True)}
     blocks = {block.id: block for block in scene.blocks}
     lost, worst, largest = 0.0, 0.0, 0.0
-    cohesion = scene.contacts.cohesion
-    for c, x, bond in zip(scene.contacts, forces, cohesion, strict=True):
+    cohesion, points = scene.contacts.cohesion, scene.contacts.is_point
+    bounds = dict(zip(np.flatnonzero(points).tolist(), scene.reactions, strict=True))  # soil
+    for j, (c, x, bond) in enumerate(zip(scene.contacts, forces, cohesion, strict=True)):
+        if j in bounds:
+            speed = sum(
+                sign * np.dot(motion[k][:3] + np.cross(motion[k][3:], at), bounds[j].direction)
+                for k, sign in ((bounds[j].block, 1.0), (bounds[j].on, -1.0))
+                if k is not None and k in motion
+                for at in [np.subtract(bounds[j].at, blocks[k].centroid)]
+            )
+            assert -tolerance * load < x[2] < bounds[j].most + tolerance * load
+            lost += abs(x[2] * speed + bounds[j].most * max(-speed, 0.0))
+            continue
         shear, arm = np.hypot(x[0], x[1]), hand_torsion_arm(c)
         resistance = c.friction * x[2] + bond * c.area
         if surface != CIRCLE:

@@ -107,7 +107,9 @@ def _is_named(place: Place, names: Sequence[str]) -> bool:
     return any(word in dotted for name in names for word in name.replace(",", " ").split())
 
 
-EVIDENCE = {"forces", "mechanism", "internal", "rates", "points", "displacements"}
+EVIDENCE = {
+    "forces", "mechanism", "internal", "reference", "rates", "points", "displacements"
+}  # fmt: skip
 """What proves claims and is none: where all that is claimed is proved with another one, it is
 true."""
 

@@ -141,9 +141,9 @@ class TestSoil:
 
 
 def in_plane(scene: Scene, patch: tuple[float, float]) -> float:
-    """A linear program of our own for a bridge of one span and one ring under a force of 1 spread
-    evenly over ``patch`` (from, to) in plan: joints with two end compressions and a shear, blocks
-    with three equations."""
+    """A linear program of our own for a bridge of one ring under a force of 1 spread evenly over
+    ``patch`` (from, to) in plan: joints with two end compressions and a shear, blocks with three
+    equations."""
     blocks = [scene.blocks[i] for i in scene.free]
     width = float(np.ptp(blocks[0].vertices[:, 1]))
     joints = [each for each in scene.contacts if not each.name.startswith("reaction")]
@@ -167,7 +167,9 @@ def in_plane(scene: Scene, patch: tuple[float, float]) -> float:
             add(3 * j + 1, key, corners[1], sign * n)
             add(3 * j + 2, key, contact.origin[[0, 2]], sign * t)
     for k, r in enumerate(scene.reactions):
-        add(3 * len(joints) + k, r.block, np.array(r.at)[[0, 2]], np.array(r.direction)[[0, 2]])
+        for key, sign in ((r.block, 1.0), (r.on, -1.0)):
+            push = sign * np.array(r.direction)[[0, 2]]
+            add(3 * len(joints) + k, key, np.array(r.at)[[0, 2]], push)
     for key, point in ((p.block, p) for p in scene.dead.points):
         i = 3 * place[key]
         arm = np.array(point.at)[[0, 2]] - blocks[place[key]].centroid[[0, 2]]
@@ -229,6 +231,31 @@ class TestLoads:
         assert solution.load_factor == pytest.approx(
             in_plane(scene, (at - 0.3, at + 0.3)), rel=2e-3
         )
+
+    @pytest.mark.parametrize("at", [0.75, 1.5])
+    def test_the_middle_one_of_three_spans_against_an_own_program(self, at: float) -> None:
+        """Soil over a pier pushes on both spans, so that the neighbours must bear it."""
+        sizes = {"thickness": 0.215, "width": 2.88, "cover": 0.305, "density": 23.7, "fill": 22.2}
+        scene = bridge(
+            [Arch(3.0, 0.75, voussoirs=20)] * 3, friction=0.6, piers=(0.44, 1.5), **sizes
+        )
+        level, middle = 0.75 + 0.215 + 0.305, 3.44 + at
+        scene = replace(scene, reactions=passive(scene, level, 22.2, 3.0))
+        points = Road(scene, level).load(middle, 1.0, 0.42, spread=0.0).points
+        solution = solve(scene.with_live(Load(points=points)))
+        assert_certified(solution)
+        # strips at the patch's ends are loaded in their middle, as above
+        own = in_plane(scene, (middle - 0.21, middle + 0.21))
+        assert solution.load_factor == pytest.approx(own, rel=2e-3)
+        # from fixed ground over the piers as well, which it has not, soil would hold more
+        apart = [replace(r, on=None) for r in scene.reactions]
+        apart += [
+            replace(r, block=r.on, on=None, direction=tuple(-x for x in r.direction))
+            for r in scene.reactions
+            if r.on is not None
+        ]
+        fixed = solve(replace(scene, reactions=apart).with_live(Load(points=points)))
+        assert fixed.load_factor > 1.3 * solution.load_factor
 
     def test_what_is_spread_is_all_there(self) -> None:
         scene = bridge(Arch(6.55, 1.428), **PRESTWOOD)

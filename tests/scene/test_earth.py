@@ -126,6 +126,10 @@ def test_soil_in_ground_water_weighs_less(water: float) -> None:
     wall = stack(2, size=(1.0, 1.0, 1.0), density=22.0, friction=0.5)
     soil = earth_pressure(wall, 2.0, gamma, k, BEHIND, water=water, submerged=below)
     own = hydrostatic(wall, water, 9.81, BEHIND) if water else ()
+    # one pressure on each stone, and two on that which the water's level crosses; none pulls
+    assert len(soil) == 2 + (0.0 < water < 1.0)
+    stones = {block.id: block for block in wall.blocks}
+    assert min(each.extent(stones[each.block])[0] for each in soil) >= 0.0
     pushed = 0.5 * (k * (gamma * 4.0 - (gamma - below) * water**2) + 9.81 * water**2)
     found = solve(wall.with_live(Load(pressures=[*soil, *own])))
     assert_certified(found)
@@ -136,6 +140,26 @@ def test_soil_in_ground_water_weighs_less(water: float) -> None:
     rankine = earth_pressure(wall, 2.0, gamma, 1 / 3, BEHIND, water=water, submerged=below)
     one, other = (each.on(wall.blocks) for each in (flat, Load(pressures=rankine)))
     assert one == pytest.approx(other, rel=1e-9, abs=1e-9)
+
+
+def test_earth_in_ground_water_on_a_stone_with_friction_on_its_back() -> None:
+    """Above the water q + gamma z, below it gamma' more per depth: forces and moments, on a face
+    that the level of the soil cuts as well."""
+    wall, k = stack(1, size=(1.0, 2.0, 3.0)), coulomb_coefficient(30.0, 20.0)
+    earth = coulomb_pressure(
+        wall, 2.5, 18.0, BEHIND, phi=30.0, delta=20.0, surcharge=4.0, water=1.0, submerged=10.0
+    )
+    parts = [  # sizes and heights of two rectangles and two triangles of pressure, 2 m wide
+        (4.0 * 1.5, 1.75), (18.0 * 1.5**2 / 2, 1.5),
+        (31.0 * 1.0, 0.5), (10.0 * 1.0**2 / 2, 1 / 3),
+    ]  # fmt: skip
+    size, turning = (2.0 * k * sum(x) for x in zip(*((s, s * h) for s, h in parts), strict=True))
+    level, down = np.cos(np.radians(20.0)), np.sin(np.radians(20.0))
+    force = earth.on(wall.blocks).sum(axis=0)
+    assert force[[0, 2]] == pytest.approx([size * level, -size * down], rel=1e-9)
+    # about the centroid, at a height of 1.5 m and 0.5 m from the back
+    moment = level * (turning - 1.5 * size) - 0.5 * down * size
+    assert force[4] == pytest.approx(moment, rel=1e-9)
 
 
 def test_soil_before_the_toe_holds_the_wall() -> None:

@@ -206,7 +206,9 @@ def record(
         result: JsonObject = {}
         for key, each in keys.items():
             found = value if each.is_several else getattr(value, each.field or key)
-            if key in needed or each.is_written or found != defaults.get(key):
+            usual = defaults.get(key)
+            is_usual = found is usual or (not isinstance(found, np.ndarray) and found == usual)
+            if key in needed or each.is_written or not is_usual:
                 entry = each.form.write(found, each.where.format(key=key, owner=where), where)
                 if entry is not None or not each.is_several:
                     result[key] = entry

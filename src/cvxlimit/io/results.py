@@ -30,7 +30,7 @@ from cvxlimit.io.forms import (
 )
 from cvxlimit.io.scenes import UNITS, scene_digest
 from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Search, Solution, Status
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.bracket import Bracket, Reference
 from cvxlimit.solution.kinematics import Dilatancy
 
 _NOT_FINITE = ("nan", "inf", "-inf")
@@ -173,21 +173,14 @@ COMPONENTS_SAID = Form(
 """What the columns of forces and mechanism are, for those who read the file by other means."""
 
 
-def _rows(forces: list[tuple[float, ...]]) -> FloatArray:
-    return np.array(forces, dtype=float).reshape(-1, len(COMPONENTS))
+def _rows(entries: list[tuple[float, ...]]) -> FloatArray:
+    return np.array(entries, dtype=float).reshape(-1, len(COMPONENTS))
 
 
 NUMBERS = listed(
     plain(lambda x, where: number(x, where, ANY_FINITE), {"type": "number"}),
     "internal force {i}",
     lambda forces: np.array(forces, dtype=float),
-)
-INTERNAL = Form(
-    lambda value, *place: {"internal": NUMBERS.read(value, *place)},
-    lambda solution, *place: (
-        None if solution.internal is None else NUMBERS.write(solution.internal, *place)
-    ),
-    NUMBERS.schema,
 )
 
 SCENE_DIGEST = Form(
@@ -203,6 +196,28 @@ SCENE_DIGEST = Form(
 
 FORCES = listed(row(COMPONENTS, ANY_FINITE), "force on contact {i}", _rows)
 MECHANISM = keyed(row(RATES_NAMED, ANY_FINITE), "mechanism of block {key}")
+RATES = listed(row(RATES_NAMED, ANY_FINITE), "rates of free block {i}", _rows)
+STATE = Form(
+    lambda value, *place: _form_of(value).read(value, *place),
+    lambda value, *place: (FORCES if np.ndim(value) == 2 else NUMBERS).write(value, *place),
+    {"anyOf": [FORCES.schema, NUMBERS.schema]},
+)
+"""Contact forces, or internal ones where strength is stated in these."""
+
+
+def _form_of(value: Any) -> Form:
+    has_rows = isinstance(value, list) and all(isinstance(entry, list) for entry in value)
+    return FORCES if has_rows else NUMBERS
+
+
+REFERENCE = record(
+    Reference,
+    {
+        "load_factor": Key(nullable(FIGURE), is_needed=True),
+        "forces": Key(nullable(STATE)),
+        "rates": Key(nullable(RATES)),
+    },
+)
 
 
 def _lower_end(lower: float, upper: float, **given: Any) -> LowerEnd:
@@ -221,6 +236,7 @@ LOWER_END = record(
         "bracket": Key(BRACKET, is_needed=False, is_several=True),
         "forces": Key(nullable(FORCES), is_needed=True),
         "mechanism": Key(nullable(MECHANISM), is_needed=True),
+        "reference": Key(nullable(REFERENCE)),
     },
     _lower_end,
 )
@@ -280,11 +296,12 @@ RESULT: Document[Solution] = Document(
             "members": Key(listed(MEMBER), "{key}"),
             "searches": Key(listed(SEARCH), "{key}", is_needed=False),
             "lower_end": Key(nullable(LOWER_END), "{key}", is_needed=False),
+            "reference": Key(nullable(REFERENCE), "{key}"),
             "dilatancy": Key(nullable(DILATANCY), "{key}", is_needed=False),
             "iteration": Key(nullable(ITERATION), "{key}", is_needed=False),
             "lumped": Key(nullable(LUMPED), "{key}", is_needed=False),
             "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
-            "internal": Key(INTERNAL, "{key}", is_needed=False, is_several=True),
+            "internal": Key(nullable(NUMBERS), "{key}"),
             "model": Key(listed(TEXT, "a reduction"), "{key}"),
             "components": Key(COMPONENTS_SAID, "{key}", is_needed=False, is_several=True),
             "contact_names": Key(listed(TEXT, "name of contact {i}"), "{key}"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.solution import Iteration, LowerEnd, Member, Search
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.bracket import Bracket, Reference
 from cvxlimit.solution.kinematics import Dilatancy
 
 
@@ -33,6 +33,8 @@ class Answer:
         How far an iteration without bounds has been.
     internal : (p,) array or None
         The internal forces behind the lower bound, where strength is stated in these.
+    reference : Reference or None
+        What both bounds were computed with besides.
     lower_end : LowerEnd or None
         The lower end, where the answer is an interval.
     dilatancy : Dilatancy or None
@@ -49,6 +51,7 @@ class Answer:
     searches: tuple[Search, ...] = ()
     iteration: Iteration | None = None
     internal: FloatArray | None = None
+    reference: Reference | None = None
     lower_end: LowerEnd | None = None
     dilatancy: Dilatancy | None = None
     sure: Answer | None = None
@@ -68,6 +71,7 @@ class Answer:
         load_factor: float | None,
         forces: FloatArray | None,
         internal: FloatArray | None = None,
+        reference: Reference | None = None,
     ) -> Answer:
         """Returns the answer with a better lower bound, and the forces that have it."""
         bracket = self.bracket.raised(lower, is_proved)
@@ -79,16 +83,27 @@ class Answer:
                 bracket=bracket,
                 forces=forces,
                 internal=internal,
+                reference=reference,
                 sure=None if is_proved else kept,
             )
         if is_proved and not self.bracket.lower_is_proved:
-            sure = (self.sure or Answer()).raised(lower, True, load_factor, forces, internal)
+            sure = self.sure or Answer()
+            sure = sure.raised(lower, True, load_factor, forces, internal, reference)
             return self if sure is self.sure else replace(self, sure=sure)
         return self
 
-    def lowered(self, upper: float, is_proved: bool, mechanism: FloatArray | None) -> Answer:
+    def lowered(
+        self,
+        upper: float,
+        is_proved: bool,
+        mechanism: FloatArray | None,
+        reference: Reference | None = None,
+    ) -> Answer:
         """Returns the answer with a better upper bound, and the mechanism that has it."""
         bracket = self.bracket.lowered(upper, is_proved)
         if bracket is self.bracket:
             return self
-        return replace(self, bracket=bracket, mechanism=mechanism)
+        kept = self.reference
+        if reference is not None:
+            kept = replace(kept or Reference(), rates=reference.rates)
+        return replace(self, bracket=bracket, mechanism=mechanism, reference=kept)

@@ -132,7 +132,7 @@ class ConvexSearch:
             if self.reference is not None:
                 self.certifier.offer_dead_state(*self.reference)
             if self._given is not None and self._given.reference is not None:
-                self.certifier.start_from(self._given.reference)
+                self.certifier.refer_to(self._given.reference)
         self._build_problem(None)
 
     def _build_problem(self, dead_state: FloatArray | None) -> None:
@@ -285,8 +285,9 @@ class ConvexSearch:
         # and a tighter one with an assumption, kept from before, would hide it
         internal = state.internal if self.certifier.strength.is_internal else None
         factor, forces = state.load_factor, state.forces
-        best = run.best.raised(bounds.lower, bounds.lower_is_proved, factor, forces, internal)
-        run.best = best.lowered(bounds.upper, bounds.upper_is_proved, state.mechanism)
+        by = self.certifier.witnesses.given(factor)
+        best = run.best.raised(bounds.lower, bounds.lower_is_proved, factor, forces, internal, by)
+        run.best = best.lowered(bounds.upper, bounds.upper_is_proved, state.mechanism, by)
         figures = ("lower", "upper", "equilibrium_residual", "yield_excess", "flow_violation")
         values = map(known, attrgetter(*figures)(bounds))
         run.note(state, settings, **dict(zip(figures, values, strict=True)))

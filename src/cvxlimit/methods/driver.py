@@ -372,7 +372,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     if not has_answer:
         safe = 0.0 if best.dilatancy is None else best.dilatancy.safe
         bracket = Bracket().raised(safe, True) if safe > 0.0 else Bracket()
-        best = replace(best, load_factor=None, bracket=bracket)
+        best = replace(best, load_factor=None, bracket=bracket, reference=None)
     # Forces of the scene as it was given: mortar's tension may have become a load in the other.
     if run.mortar is not None:
         best = best.with_forces(run.mortar.original)
@@ -415,6 +415,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         iteration=best.iteration,
         internal=best.internal,
         lower_end=best.lower_end,
+        reference=best.reference,
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,

@@ -159,7 +159,10 @@ def lower_end(turned: Run, known: float) -> LowerEnd:
     proofs = found.upper_is_proved, found.lower_is_proved
     bracket = Bracket(-found.upper, -found.lower, *proofs, found.least)
     factor = known if best.load_factor is None else bracket.clipped(-best.load_factor)
-    return LowerEnd(factor, bracket, best.forces, turned.by_block(best.mechanism))
+    mechanism, reference = turned.by_block(best.mechanism), best.reference
+    return LowerEnd(
+        factor, bracket, best.forces, mechanism, None if reference is None else reference.turned
+    )
 
 
 def about_the_lower_end(iterate: Iterate) -> Iterate:

@@ -31,7 +31,8 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
         ),
         "reactions": (
             lambda run: run.contacts.is_point.any(),
-            "knows no ties and no reactions, which have no pressure centre: leave them out",
+            "knows no ties and no reactions, which have no pressure centre: leave them out, or "
+            "give their force as a point load",
         ),
         "cohesion": (
             lambda run: np.any(run.given.contacts.cohesion),

@@ -26,6 +26,7 @@ from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, LargestFactor, Stated
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
+from cvxlimit.solution.bracket import Reference
 from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
@@ -99,7 +100,7 @@ class LimitProgram(Changeable):
         loads, bounds = {"dead": dead, "live": live}, {"most": most, "least": least}
         given = Given.of(scene, joints, loads, weights, bounds)
         super().__init__(given, surfaces, formulation, reduction, goal, repeats)
-        self.reference: Any = None  # the last certifier, for the next
+        self.reference: Reference | None = None  # of the last bracket, for the next
         self.shared: Any = None  # what certificates at several values of the Parameters share
 
     @cached_property

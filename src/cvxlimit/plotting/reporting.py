@@ -266,11 +266,11 @@ def _mechanism(scene: Scene, solution: Solution) -> Rows:
     """Yields which joints open, slide and twist, and which blocks move fastest."""
     if not solution.mechanism:
         return
-    moving = motion(scene, solution)
+    moving, contacts = motion(scene, solution), scene.contacts
     for kind in (ContactKind.OPENS, ContactKind.SLIDES, ContactKind.TWISTS):
-        which = np.flatnonzero(moving.contacts.kind == kind).tolist()
-        names = _names([scene.contacts.names[j] for j in which])
-        yield f"joint {kind.name.lower()}", f"{len(which)} of {len(scene.contacts)}: {names}"
+        which = np.flatnonzero((moving.contacts.kind == kind) & ~contacts.is_point).tolist()
+        names = _names([contacts.names[j] for j in which])
+        yield f"joint {kind.name.lower()}", f"{len(which)} of {len(contacts.faces)}: {names}"
     speed = moving.speed / moving.speed.max()
     free, rates = scene.free, moving.rates[scene.free]
     if np.abs(rates - rates[0]).max() <= 1e-6 * np.abs(rates).max():

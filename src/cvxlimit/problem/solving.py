@@ -40,7 +40,7 @@ class OneProblem(Convex):
             return (yield from self._own(run, self.problem))
         search = ConvexSearch(run, "full", self.tolerance, self.budget, self.problem)
         status = yield from search.steps()
-        self.problem.reference = search.certifier
+        self.problem.reference = search.certifier.witnesses.known
         return judged(run) if status is Status.UNBOUNDED else status
 
     def _own(self, run: Run, problem: LimitProgram) -> Steps:

@@ -36,7 +36,7 @@ from cvxlimit.proof.opening import OpenedMechanism, open_mechanism, spare_openin
 from cvxlimit.proof.slater import Witnesses
 from cvxlimit.proof.strength import NOTHING, ContactFlow, Flow, Strength, finite
 from cvxlimit.scene import Scene
-from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Certificate
+from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Certificate, Reference
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
 
@@ -149,18 +149,22 @@ class Certifier:
         result.witnesses.strength = result.strength
         return result
 
-    def start_from(self, before: Certifier) -> None:
-        """Take over the reference states of the same blocks under other strengths and loads, as far
-        as they are still valid here: seeking them takes half of a certificate's time."""
-        dead, field = before.witnesses.known_dead_state, before.witnesses.known_opening_field
-        if dead is not None:
-            # under an equal dead load the state is in equilibrium already
-            is_same = np.array_equal(self.statics.dead, before.statics.dead)
-            balanced = dead if is_same else self.strength.balanced(dead, 0.0, self.statics)
-            is_sound = np.isfinite(balanced).all() and self.is_balanced(balanced, 0.0)
-            if is_sound and self._reserve(balanced) > 0.0:
-                self.witnesses.dead_state = balanced
-        self.witnesses.borrowed_field = field  # checked wherever it is used
+    def refer_to(self, given: Reference, has_live: bool = False) -> bool:
+        """Take the reference states of a solution, or of the same blocks under other strengths and
+        loads, as far as they are valid here: seeking them takes half of a certificate's time.
+        Forces that carry a part of the live load too (``has_live``) show which. Returns False for
+        forces that are none, and takes them not; raises ModelError as :meth:`offer_dead_state`."""
+        self.witnesses.borrowed_field = self._rates(given.rates)  # checked wherever it is used
+        state, factor = self.strength.state(given.forces), 0.0
+        if state is None:
+            return given.forces is None
+        if has_live:
+            factor = self.strength.balancing(state, factor, self.statics)
+        if not self.is_balanced(state, factor):  # it is under the load that it was found for
+            state = self.strength.balanced(state, factor, self.statics)
+        if is_inside := self._reserve(state, factor) > 0.0:
+            self.witnesses.dead_state, self.witnesses.factor = state, factor
+        return is_inside
 
     def offer_dead_state(self, forces: ArrayLike, factor: float = 0.0) -> bool:
         """Offer contact forces (n, 6) as the dead-load state; returns True if they prove to be one.
@@ -180,31 +184,26 @@ class Certifier:
         if factor:
             factor = self.strength.balancing(given, factor, self.statics)
         balanced = self.strength.balanced(given, factor, self.statics)
-        if not (np.isfinite(balanced).all() and self.is_balanced(balanced, factor)):
-            return False
-        reserve = self._reserve(balanced)
+        reserve = self._reserve(balanced, factor)
         present = None if factor else self.witnesses.easy_dead_state
-        if reserve > (0.0 if present is None else self._reserve(present)):
+        if reserve > (0.0 if present is None else self._reserve(present, self.witnesses.factor)):
             self.witnesses.dead_state, self.witnesses.factor = balanced, factor
         return reserve > 0.0
 
     def offer_opening_field(self, rates: ArrayLike) -> bool:
         """Offer block rates (free blocks, 6) as the opening field; returns True, and keeps them, if
-        they open every contact.
-
-        Raises
-        ------
-        ModelError
-            If there is not one row per free block.
-        """
+        they open every contact. Raises ModelError as :meth:`offer_dead_state`."""
         given = self._rates(rates)
         opens = given is not None and bool(spare_opening(self.strength, given).min() > 0.0)
         if opens:
-            self.witnesses.opening_field = given
+            self.witnesses.opening_field = self.witnesses.borrowed_field = given
         return opens
 
-    def _reserve(self, state: FloatArray) -> float:
-        """Returns the least distance of a state from yield, as a force; negative outside."""
+    def _reserve(self, state: FloatArray, factor: float) -> float:
+        """Returns the least distance of a state from yield, as a force; negative outside, and where
+        it does not balance the loads at ``factor``."""
+        if not (np.isfinite(state).all() and self.is_balanced(state, factor)):
+            return -np.inf
         excess = np.concatenate(self.strength.excess(state))
         return -float(excess.max(initial=-np.inf, where=excess != -NOTHING))
 

@@ -23,6 +23,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import StrengthRows
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.strength import NOTHING, Strength
+from cvxlimit.solution.bracket import Reference
 from cvxlimit.surfaces.coulomb import bounded
 
 
@@ -91,7 +92,7 @@ class Witnesses:
 
     The dead state carries the dead load and ``factor`` times the live load; ``factor`` is 0.0
     unless the dead load stands only with a part of the live load. ``borrowed_field`` is an opening
-    field of another assemblage with the same blocks, tried first.
+    field from outside, as of another assemblage with the same blocks, tried first.
 
     Projections work for corner compressions only. Where a formulation has internal forces of its
     own, states have to be offered from outside.
@@ -103,6 +104,7 @@ class Witnesses:
         self._balance = strength.balance
         self._can_project = self._balance.is_supported and not strength.is_internal
         self._dead_state: FloatArray | None = None
+        self._given_state: FloatArray | None = None
         self.borrowed_field: FloatArray | None = None
         self.factor = 0.0
         self._attempts_made = 0
@@ -116,18 +118,18 @@ class Witnesses:
 
     @dead_state.setter
     def dead_state(self, forces: FloatArray) -> None:
-        self._dead_state = forces
+        self._dead_state = self._given_state = forces
+
+    def given(self, load_factor: float | None) -> Reference:
+        """The states from outside, which projections would not find again, beside the load factor
+        of forces that are checked with them."""
+        return Reference(load_factor, self._given_state, self.borrowed_field)
 
     @property
-    def known_dead_state(self) -> FloatArray | None:
-        """The dead state if it has been found already, else None."""
-        return self._dead_state
-
-    @property
-    def known_opening_field(self) -> FloatArray | None:
-        """An opening field (free blocks, 6) if one has been found or borrowed, else None."""
-        field: FloatArray | None = self.__dict__.get("opening_field", self.borrowed_field)
-        return field
+    def known(self) -> Reference:
+        """The states that have been found or given so far."""
+        field = self.__dict__.get("opening_field", self.borrowed_field)
+        return Reference(None, self._dead_state, field)
 
     def opening_fields(self) -> Iterator[FloatArray]:
         """Yields candidates for the opening field: the borrowed one, then this assemblage's own."""

@@ -7,7 +7,7 @@ history, versions) is named, and not looked at.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -27,14 +27,16 @@ _OF_THE_SCENE = "units", "contact_names", "lumped"
 _LOOKED_AT = {
     *_OF_THE_SCENE, "load_factor", "bracket", "forces", "mechanism", "lower_end", "quantity",
     "status", "tolerance", "dilatancy", "blocks", "contacts", "scene_digest", "surface",
-    "interaction", "torsion_shear", "flow", "solved_scene", "surfaces", "scene_name",
+    "interaction", "torsion_shear", "reference", "flow", "solved_scene", "surfaces", "scene_name",
 }  # fmt: skip
 """Fields of a solution that are proved, follow from these, or say what was asked; any other one is
 named as not looked at."""
 
+_SHOWN_BY = {"lower": "forces", "upper": "mechanism"}
 
-def bound_checks(said: Solution, scaling: Scaling, found: Sequence[Bracket]) -> Iterator[Check]:
-    """Both bounds against those found; any of these may be the one that was found first."""
+
+def bound_checks(said: Solution, scaling: Scaling, found: Bracket) -> Iterator[Check]:
+    """Both bounds against those found."""
     for end, rounding in (("lower", rounded_down), ("upper", rounded_up)):
         value = float(getattr(said.bracket, end))
         proved = bool(getattr(said.bracket, f"{end}_is_proved"))
@@ -42,18 +44,13 @@ def bound_checks(said: Solution, scaling: Scaling, found: Sequence[Bracket]) -> 
             if said.status.is_good:
                 yield Check(f"{end} bound", False, f"{said.status} without it")
             continue
-        ends = [(float(getattr(f, end)), bool(getattr(f, f"{end}_is_proved"))) for f in found]
-        claim, slack = (
-            f"{end} bound {rounding(value, 9)}",
-            SLACK * max(abs(value), scaling.unit(value)),
-        )
-        near = [holds for at, holds in ends if abs(at - value) <= slack]
-        by = "the forces" if end == "lower" else "the mechanism"
-        at = ends[0][0]
-        if any(holds or not proved for holds in near):
+        at, holds = float(getattr(found, end)), bool(getattr(found, f"{end}_is_proved"))
+        claim, by = f"{end} bound {rounding(value, 9)}", f"the {_SHOWN_BY[end]}"
+        is_near = abs(at - value) <= SLACK * max(abs(value), scaling.unit(value))
+        if is_near and (holds or not proved):
             under = "" if proved else ", under the assumption of the note"
             yield Check(claim, True, f"by {by}{under}")
-        elif near:
+        elif is_near:
             yield Check(claim, False, "only with an assumption on sizes, and none is stated")
         elif end == "lower" and not np.isfinite(at):
             is_there = said.forces is not None

@@ -2,7 +2,8 @@
 
 Every number of a solution that anybody may rest on is computed anew for the scene: the load factor
 from what the forces carry, the lower bound from the forces, the upper bound from the mechanism. A
-number that comes out otherwise is not proved, whoever changed it.
+number that comes out otherwise is not proved, whoever changed it. States that bounds refer to are
+held as well where projections do not find them, and are believed as little.
 """
 
 from __future__ import annotations
@@ -11,17 +12,15 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import product
 from typing import Any
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.doors import Door
-from cvxlimit.errors import InputError
+from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.wedging import without_limit
 from cvxlimit.model.formulations import Formulation, corner_compressions
@@ -33,9 +32,10 @@ from cvxlimit.proof.checks import RESIDUAL, SLACK, Check
 from cvxlimit.proof.strength import Strength
 from cvxlimit.proving.derived import bound_checks, derived_checks
 from cvxlimit.readings.moments import Moments
+from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
-from cvxlimit.solution.bracket import TOLERANCE, Bracket
+from cvxlimit.solution.bracket import TOLERANCE, Bracket, Reference
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_named, surfaces_of
@@ -70,7 +70,7 @@ def solution_checks(
     again = ProvedAgain(held, _surfaces(solution, surface), moments, formulation)
     checks = [*again.checks()]
     answer = Answer(again.carried, forces=solution.forces, mechanism=again.mechanism)
-    if again.strength.is_internal:
+    if again.certifier.strength.is_internal:
         answer = replace(answer, internal=solution.internal)
     return [*checks, *derived_checks(solution, again.run, answer)]
 
@@ -81,12 +81,29 @@ def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
         return surfaces_of(given)[0]
     is_exact, name = solution.torsion_shear == "exact", solution.surface
     named = surfaces_of(name)[0] if is_exact else surfaces_named(name, solution.torsion_shear)
-    if not (found := named or solution.surfaces):
+    return known_or_asked(named or solution.surfaces, solution.scene_name, "surface", name)
+
+
+def known_or_asked(found: Any, scene: str, option: str, name: str) -> Any:
+    """What a solution or a domain of a scene names; raises InputError where it is one's own."""
+    if not found:
         raise InputError(
-            f"the solution of {solution.scene_name!r} rests on surfaces of one's own "
-            f"({solution.surface}), which no file holds: give them as surface=[...]"
+            f"what is held of {scene!r} rests on {option.removesuffix('s')}s of one's own "
+            f"({name}), which no file holds: give them as {option}=..."
         )
     return found
+
+
+def as_solved(solution: Solution, run: Run) -> tuple[FloatArray | None, FloatArray | None]:
+    """The forces (n, 6) of a solution and its rates (free blocks, 6), None if they are not of these
+    blocks: of the scene as it is solved, where mortar may have become a load."""
+    forces, rates = solution.forces, solution.mechanism
+    if forces is not None and run.mortar is not None:
+        forces = np.array(forces)
+        forces[:, COLUMN["N"]] += run.mortar.pull
+    ids = [run.scene.blocks[i].id for i in run.scene.free]
+    is_whole = rates is not None and set(ids) == set(rates)
+    return forces, np.array([rates[key] for key in ids]) if rates and is_whole else None
 
 
 class ProvedAgain:
@@ -101,31 +118,25 @@ class ProvedAgain:
     ) -> None:
         self.run = Run(solution.scene, surfaces, formulation=formulation)
         self.moments = moments
-        self.reference: tuple[FloatArray | None, float] | None = None
         self._take(solution)
 
     @cached_property
-    def strength(self) -> Strength:
-        """Of the scene as it is solved."""
-        surfaces = needed_surfaces(self.run.surfaces)
-        return Strength.shared(self.run.assemblage, surfaces, self.run.formulation)
+    def certifier(self) -> Certifier:
+        """Of the answer without interaction, as a solve makes it."""
+        run, surfaces = self.run, needed_surfaces(self.run.surfaces)
+        whole = Reductions.of(run.assemblage, surfaces, run.formulation, run.model).assemblage
+        width = self.solution.tolerance or TOLERANCE
+        return Certifier(whole, surfaces, run.formulation, width=width)
 
     def _take(self, solution: Solution) -> None:
-        self.solution, rates = solution, solution.mechanism
-        self.__dict__.pop("carried", None)  # of another end
-        ids = [self.run.scene.blocks[i].id for i in self.run.scene.free]
-        is_whole = rates is not None and set(ids) == set(rates)
-        self.mechanism = np.array([rates[key] for key in ids]) if rates and is_whole else None
-        self.forces = solution.forces
-        if self.forces is not None and self.run.mortar is not None:
-            self.forces = np.array(self.forces)
-            self.forces[:, COLUMN["N"]] += self.run.mortar.pull
+        self.solution = solution
+        self.forces, self.mechanism = as_solved(solution, self.run)
+        for name in ("carried", "certifier"):  # of another end
+            self.__dict__.pop(name, None)
 
     def _turned(self, end: LowerEnd) -> ProvedAgain:
         """The lower end of an interval as a largest load factor, of the live load turned round."""
         again, statics = copy(self), self.run.assemblage.statics
-        state, factor = self._state_between
-        again.reference = state, -factor
         again.run = self.run.auxiliary_run(self.run.assemblage.under(statics.dead, -statics.live))
         held = end.bracket
         proofs = held.upper_is_proved, held.lower_is_proved
@@ -137,19 +148,10 @@ class ProvedAgain:
                 internal=None,
                 bracket=Bracket(-held.upper, -held.lower, *proofs, held.least),
                 mechanism=end.mechanism,
-                lower_end=None,
+                reference=None if end.reference is None else end.reference.turned,
             )
         )
         return again
-
-    @cached_property
-    def _state_between(self) -> tuple[FloatArray | None, float]:
-        """Forces inside that carry the dead load with a part of the live load, and that part."""
-        search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
-        if not search.dead_load_is_unstable():
-            return None, 0.0
-        found = search.held_by_live_load()
-        return found.state, found.factor
 
     def checks(self) -> Iterator[Check]:
         """All claims, by what kind of answer it is."""
@@ -170,7 +172,7 @@ class ProvedAgain:
         yield from self.held_checks()
         flow = ExactFlow(self.run.contacts)
         certifier = Certifier(self.run.assemblage, (Rocking(),), flow=flow)
-        for check in self.ends([certifier.certificate(None, None, self.mechanism)]):
+        for check in self.ends(certifier.certificate(None, None, self.mechanism)):
             held = "the file holds what contacts transfer, and not friction at their points"
             yield replace(check, found=held) if check.claim.startswith("lower") else check
 
@@ -178,12 +180,6 @@ class ProvedAgain:
 
     def _plain(self) -> Iterator[Check]:
         end = self.solution.lower_end
-        if end is not None:
-            self.reference = self._state_between
-            if self.reference[0] is None:
-                yield Check("interval", False, "no forces carry the dead load with a part of the "
-                            "live load, or it stands alone")  # fmt: skip
-                return
         if self.solution.status is Status.DEAD_LOAD_UNSTABLE:
             yield self.falls()
         elif self.solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
@@ -198,43 +194,42 @@ class ProvedAgain:
                 yield replace(check, claim=f"lower end, live load turned round: {check.claim}")
 
     def _certified(self) -> Iterator[Check]:
-        """The load factor and both bounds. A bound depends a little on the states that it refers
-        to, and these on how narrow a bracket was wanted; and on the load factor for which forces
-        are put into balance, by some thousand times a change of it where a state has little to
-        spare. Those of the result are clipped by its bracket, those of its history are not. So
-        several are tried, and one has to be as it is held."""
+        """The load factor and both bounds, by one certificate. A bound depends a little on the
+        states that it refers to, and on the load factor for which forces are put into balance, by
+        some thousand times a change of it where a state has little to spare: those that are held
+        are taken if they are what they should be."""
         yield from self.held_checks()
-        factors, found = (self.solution.load_factor, self.carried, *self._told), list[Bracket]()
-        for factor, tolerance in product(
-            dict.fromkeys(factors), (self.solution.tolerance or TOLERANCE, 1.0, SLACK)
-        ):
-            found.append(self._bracket(factor, tolerance))
-            if all(check.is_met for check in self.ends(found)):
-                break
-        yield from self.ends(found)
+        held, lacks = self.solution, "; the file does not hold what its bounds refer to"
+        given = held.reference or Reference(held.load_factor)
+        if not self._refers_to(given):
+            yield Check("states that bounds refer to", False, "they are none of this scene")
+            return
+        state = self.state_of(given.load_factor, self._internal())
+        for check in self.ends(self.certifier.of(state)):
+            is_old = held.reference is None and not check.is_met
+            yield replace(check, found=check.found + lacks) if is_old else check
 
-    @property
-    def _told(self) -> list[float | None]:
-        """Load factors from which the history had the lower bound, near what the forces carry."""
-        lower, near = self.solution.bracket.lower, self.carried or 0.0
-        told = [i.load_factor for i in self.solution.history if i.lower == lower]
-        return [t for t in told if t is not None and abs(t - near) <= self.near]
-
-    def _bracket(self, factor: float | None, tolerance: float) -> Bracket:
-        search = ConvexSearch(self.run.auxiliary_run(), self.run.model, tolerance)
-        if self.reference is None:
-            search.dead_load_is_unstable()  # which leaves forces that carry it
-        elif self.reference[0] is not None:
-            search.refer_to(self.reference[0], self.reference[1])
-        return search.bracketed(self.state_of(factor, self._internal(search.certifier.strength)))
+    def _refers_to(self, given: Reference) -> bool:
+        """Whether reference states are some of this scene, which are taken then. What forces leave
+        unbalanced must be little of the loads, and not only of themselves: where blocks wedge each
+        other, they may be as large as one likes."""
+        certifier, witnesses = self.certifier, self.certifier.witnesses
+        try:
+            is_taken = certifier.refer_to(given, self.solution.lower_end is not None)
+        except ModelError:  # of another shape
+            return False
+        if given.forces is None or not is_taken or (state := witnesses.dead_state) is None:
+            return is_taken
+        left = self._left(certifier.statics, certifier.strength.forces(state), witnesses.factor)
+        return left <= SLACK * self.run.scaling.force
 
     def state_of(self, factor: float | None, internal: FloatArray | None) -> LimitState:
         given = Outcome("given", 0.0, 0.0)
         return LimitState(given, factor, self.forces, self.mechanism, internal)
 
-    def _internal(self, strength: Strength) -> FloatArray | None:
+    def _internal(self) -> FloatArray | None:
         """The internal forces held, if they add up to what contacts transfer."""
-        internal = self.solution.internal
+        internal, strength = self.solution.internal, self.certifier.strength
         if not strength.is_internal or internal is None or self.forces is None:
             return None
         if len(internal) != strength.model.resultant_map.shape[1]:
@@ -247,9 +242,8 @@ class ProvedAgain:
         claim, dead = "the dead load cannot stand", self.run.assemblage.statics.dead
         if self.mechanism is None:
             return Check(claim, False, "there is no mechanism that shows it")
-        search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
-        loaded = search.reductions.assemblage.alone(dead)
-        certifier = Certifier(loaded, search.surfaces, self.run.formulation)
+        whole = self.certifier
+        certifier = Certifier(whole.assemblage.alone(dead), whole.surfaces, self.run.formulation)
         # a share of the dead load below what is all of it, or below half where it is all or nothing
         enough = 0.5 if certifier.strength.is_cone else 1.0 - RESIDUAL
         upper = certifier.certificate(None, None, self.mechanism).upper
@@ -259,9 +253,8 @@ class ProvedAgain:
         claim, live = "the live load does no harm", self.run.assemblage.statics.live
         if self.forces is None:
             return Check(claim, False, "there are no forces that show it")
-        search = ConvexSearch(self.run.auxiliary_run(), self.run.model)
-        surfaces, formulation = search.certifier.strength.recession()
-        loaded = search.reductions.assemblage.under(live, live)
+        surfaces, formulation = self.certifier.strength.recession()
+        loaded = self.certifier.assemblage.under(live, live)
         strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
         if strength_of(loaded).is_internal:
             return Check(claim, False, "the file holds what contacts transfer, and not the "
@@ -327,6 +320,6 @@ class ProvedAgain:
             if abs(power - 1.0) > 10.0 * RESIDUAL:
                 yield Check("mechanism", False, f"its live power is {power:.7g} in place of 1")
 
-    def ends(self, found: Sequence[Bracket]) -> Iterator[Check]:
+    def ends(self, found: Bracket) -> Iterator[Check]:
         """Compares both bounds with those found."""
         return bound_checks(self.solution, self.run.scaling, found)

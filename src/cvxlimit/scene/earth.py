@@ -15,7 +15,7 @@ from cvxlimit.scene.bare_faces import Face, looking, upwards, written
 from cvxlimit.scene.loads import Load, PointForce
 from cvxlimit.scene.pressures import Pressure, pressed
 from cvxlimit.scene.scene import Scene
-from cvxlimit.scene.surroundings import Layers, layers_of, on_face
+from cvxlimit.scene.surroundings import Layers, layered, layers_of, on_face
 
 
 def coulomb_coefficient(
@@ -133,9 +133,9 @@ def coulomb_pressure(
 
 def _weight_on(face: Face, layers: Layers, up: FloatArray) -> tuple[float, FloatArray]:
     """The layers' vertical pressure over a face, in all, and its centre."""
-    triangles = fan(face.corners, [range(len(face.corners))])[0]
     total, moment = 0.0, np.zeros(3)
-    for surface, weight, first in layers:
+    for corners, surface, weight, first in layered(face, layers, up):
+        triangles = fan(corners, [range(len(corners))])[0]
         places, areas = pressed(triangles, surface * up, -up)
         sizes = (first + weight * (surface - places @ up)) * (areas @ face.normal)
         total, moment = total + float(sizes.sum()), moment + sizes @ places

@@ -3,7 +3,7 @@ wheels on top of it; found on the faces that they reach, whatever their number."
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -141,14 +141,14 @@ def earth_pressure(
 
 
 Layers = Sequence[tuple[float, float, float]]
-"""Of soil: its surface, unit weight, and pressure there, one on top of the other."""
+"""Of soil: its surface, unit weight, and vertical pressure there, from the top down."""
 
 
 def layers_of(
     level: float, unit_weight: float, surcharge: float, water: float | None,
     submerged: float | None,
 ) -> Layers:  # fmt: skip
-    """Soil, and what it weighs less below ground water."""
+    """Soil, and below ground water soil that weighs less."""
     whole = positive(unit_weight, "unit_weight"), not_negative(surcharge, "surcharge")
     if (water is None) != (submerged is None):
         raise InputError("water and submerged go together: give both, or neither")
@@ -161,7 +161,33 @@ def layers_of(
             f"water {water:g} must not be above level {level:g}, nor submerged {below:g} above "
             f"unit_weight {unit_weight:g}: a flood in front of or over soil is hydrostatic's"
         )
-    return [(level, *whole), (water, below - whole[0], 0.0)]
+    return [(level, *whole), (water, below, whole[1] + whole[0] * (level - water))]
+
+
+def layered(
+    face: Face, layers: Layers, up: FloatArray
+) -> Iterator[tuple[FloatArray, float, float, float]]:
+    """Yields the layers that reach a face, each behind the corners (k, 3) of its part of it; what
+    lies above the first one's surface is left in."""
+    corners = face.corners
+    for k, layer in enumerate(layers):
+        bottom = layers[k + 1][0] if k + 1 < len(layers) else -np.inf
+        heights = corners @ up
+        if max(heights.min(), bottom) < layer[0] and heights.max() > bottom:
+            part = corners if heights.min() >= bottom else _above(corners, heights - bottom)
+            yield part, *layer
+
+
+def _above(corners: FloatArray, heights: FloatArray) -> FloatArray:
+    """The part of a polygon (k, 3) whose ``heights`` are above zero."""
+    kept = list[FloatArray]()
+    ends = zip(corners, heights, np.roll(corners, -1, 0), np.roll(heights, -1), strict=True)
+    for start, at_start, end, at_end in ends:
+        if at_start >= 0.0:
+            kept.append(start)
+        if at_start * at_end < 0.0:
+            kept.append(start + at_start / (at_start - at_end) * (end - start))
+    return np.array(kept)
 
 
 def on_face(face: Face, layers: Layers, share: float, up: FloatArray) -> list[Pressure]:
@@ -174,10 +200,9 @@ def on_face(face: Face, layers: Layers, share: float, up: FloatArray) -> list[Pr
             (-(share * weight) * up + 0.0).tolist(),
             at=(surface * up + 0.0).tolist(),
             within=(-up + 0.0).tolist(),
-            corners=face.corners.tolist(),
+            corners=corners.tolist(),
         )
-        for surface, weight, first in layers
-        if float((face.corners @ up).min()) < surface
+        for corners, surface, weight, first in layered(face, layers, up)
     ]
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Context
 from functools import partial
 from typing import Self
 
 import numpy as np
 
-from cvxlimit.base.arrays import ROUNDING
+from cvxlimit.base.arrays import ROUNDING, FloatArray
 
 TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end; what is less of a load factor is not
@@ -178,6 +178,34 @@ class Certificate(Bracket):
     yield_excess: float = np.nan
     flow_violation: float = np.nan
     missing_opening: float = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What both bounds were computed with beside forces and mechanism, and depend on a little.
+
+    None of it is believed: who computes the bounds again checks whether it is what it should be.
+
+    Attributes
+    ----------
+    load_factor : float or None
+        For which the forces were put into equilibrium: the solver's, which the bracket may clip.
+    forces : (contacts, 6) or (p,) array, or None
+        Forces strictly inside all surfaces that carry the dead load, with a part of the live load
+        where it does not stand alone; internal ones where strength is stated in these. None where
+        projections found them, which find them again.
+    rates : (free blocks, 6) array or None
+        Rates that open every contact; None where projections found them.
+    """
+
+    load_factor: float | None = None
+    forces: FloatArray | None = field(default=None, repr=False)
+    rates: FloatArray | None = field(default=None, repr=False)
+
+    @property
+    def turned(self) -> Reference:
+        """The same of the live load turned round."""
+        return replace(self, load_factor=None if self.load_factor is None else -self.load_factor)
 
 
 def rounded(value: float, digits: int = 7, rounding: str = ROUND_HALF_EVEN) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.solution.bracket import Bracket, rounded
+from cvxlimit.solution.bracket import Bracket, Reference, rounded
 
 
 class Status(StrEnum):
@@ -236,12 +236,15 @@ class LowerEnd:
         At this end, as :attr:`Solution.forces`.
     mechanism : mapping of block id to (6,) array, or None
         Rates with which blocks fall below it, scaled to live power -1.
+    reference : Reference or None
+        As :attr:`Solution.reference`.
     """
 
     load_factor: float
     bracket: Bracket
     forces: FloatArray | None = field(default=None, repr=False)
     mechanism: Mapping[str, FloatArray] | None = field(default=None, repr=False)
+    reference: Reference | None = field(default=None, repr=False)
 
     @property
     def lower(self) -> float:

@@ -13,7 +13,7 @@ from cvxlimit.base.doors import attached
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.scene import Scene, Units, check_scene
-from cvxlimit.solution.bracket import Bracket, rounded, rounded_up
+from cvxlimit.solution.bracket import Bracket, Reference, rounded, rounded_up
 from cvxlimit.solution.kinematics import Dilatancy
 from cvxlimit.solution.records import Iterate, Iteration, LowerEnd, Member, Search, Status
 from cvxlimit.surfaces import YieldSurface
@@ -81,6 +81,9 @@ class Solution:
     lower_end : LowerEnd or None
         The lower end, where the dead load stands only together with a part of the live load, and
         ``load_factor`` is the upper end; None where it stands alone.
+    reference : Reference or None
+        What bounds were computed with beside forces and mechanism, without interaction; None for a
+        file of a version below 0.3.
     model : tuple of str
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
@@ -126,6 +129,7 @@ class Solution:
     iteration: Iteration | None = None
     internal: FloatArray | None = field(default=None, repr=False)
     lower_end: LowerEnd | None = None
+    reference: Reference | None = field(default=None, repr=False)
     model: tuple[str, ...] = ()
     quantity: str = LOAD_FACTOR
     solved_scene: Scene | None = field(default=None, repr=False)

@@ -197,7 +197,7 @@ def parabola_arm(contacts: Contacts) -> FloatArray:
     is the most that is taken, since a smaller arm is always inside too.
     """
     arm = np.array(contacts.torsion_arm)
-    others = np.flatnonzero(~contacts.is_rectangle)
+    others = np.flatnonzero(~(contacts.is_rectangle | contacts.is_point))
     if len(others):
         some = contacts.take(others)
         arm[others] = np.minimum(arm[others], (1.0 - _N.margin) * _largest_arm(Edges.of(some)))

@@ -3,7 +3,8 @@
 Gilbert, Casapulla and Ahmed (2006) solve associated problems whose friction hardly grows with the
 normal force, so that sliding closes joints by a little instead of opening them, and move these
 cones towards the normal forces found. Here for comparison with
-:mod:`~cvxlimit.extensions.dilatancy.zero_dilatancy`.
+:mod:`~cvxlimit.extensions.dilatancy.zero_dilatancy`, which starts from its iterates where its own
+pairs of problems find nothing.
 """
 
 from __future__ import annotations
@@ -16,16 +17,13 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.dilatancy.pair import Reduced, ladder
+from cvxlimit.extensions.dilatancy.pair import ETA, FINE, WEIGHT, Reduced, ladder
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex_search import standing
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded
-
-_TOLERANCE = 1e-8
-"""Tolerance of every problem, below any change at which the scheme stops."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +60,12 @@ class Gilbert(Method):
     name = "gilbert"
     answers = "Gilbert's scheme for one solution without dilatancy, with a check of its friction"
     axis = "flow"
-    surfaces, takes, reduces = ("conic", "facets"), (), False
+    surfaces, takes, reduces = ("conic", "facets"), ("reactions",), False
 
     tolerance: float = 1e-3
     excess: float = 1e-2
-    eta: float = 0.01
-    weight: float = 0.6
+    eta: float = ETA
+    weight: float = WEIGHT
     cohesion: float = 1e-5
     max_iterations: int = 200
 
@@ -94,7 +92,7 @@ class Gilbert(Method):
             fictitious = self.cohesion * unit / mu  # A compression: friction makes a force of it.
         pressed: FloatArray | None = None
         for number in range(self.max_iterations + 1):
-            state, settings = run.try_solvers(problem.run, run.ladder or ladder(_TOLERANCE))
+            state, settings = run.try_solvers(problem.run, run.ladder or ladder(FINE))
             change = run.change(state)
             run.note(state, settings, change=change)
             if state.forces is None or state.load_factor is None:

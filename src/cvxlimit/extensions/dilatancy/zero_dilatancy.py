@@ -83,9 +83,8 @@ class ZeroDilatancy(Method):
     and the load factor less a penalty on compressions: the dilatancy of the last mechanism. What
     forces and mechanism lose falls, and where it vanishes they are a member. A member is accepted
     if equilibrium, yield, flow and complementarity, recomputed outside the solver, are within the
-    tolerance. A search then asks for forces below a cap, a little under its lowest member: from
-    there every member is a lower one. It starts again and again, from random penalties or from its
-    lowest member, changed at random.
+    tolerance. A search then asks for forces below a cap, a little under its lowest member, again
+    and again: from random penalties, or from its lowest member, changed at random.
 
     Associated friction bounds all solutions from above, and so does its proved upper bound here:
     the bracket of the answer is one of all of them, not of the lowest that was found.
@@ -138,8 +137,8 @@ CheckedState = tuple[Member, LimitState]
 
 
 class _Searches:
-    """The searches of one run: ``members`` are all that they found, ``done`` what each of them did,
-    and ``smallest`` is the smallest loss of any pair, over the load factor."""
+    """The searches of one run: ``members`` they found, what each has ``done``, and the ``smallest``
+    loss of any pair, over the load factor."""
 
     def __init__(self, rule: ZeroDilatancy, run: Run, associated: ConvexSearch) -> None:
         self.rule, self.run, self.associated = rule, run, associated
@@ -175,7 +174,6 @@ class _Searches:
         return Status.CONVERGED if self.members else Status.NOT_CONVERGED
 
     def _take_associated(self) -> None:
-        """Takes the history and the upper bound of the associated model."""
         aside, run = self.associated.run, self.run
         run.history += [
             replace(iterate, solver=f"{iterate.solver}, associated friction", lower=None)
@@ -187,23 +185,25 @@ class _Searches:
             run.best = Answer(bracket=bracket)
         self._report()
 
-    def _begin(self) -> None:
-        """Begins a search: its budget counts from here."""
+    def _begin(self) -> None:  # a search, whose budget counts from here
         self.begun, self.until = self.pair.solved, self.pair.solved + self.rule.budget
 
     def _first(self, mechanism: FloatArray | None) -> CheckedState | None:
         """Returns the member to which the associated mechanism leads, if there are both."""
         if mechanism is None:
             return None
-        price = self.pair.dilatancy(mechanism)
+        price, aim = self.pair.dilatancy(mechanism), self.rule.tolerance
         upper = self.run.best.bracket.upper
         cap = upper + self.run.scaling.unit(upper)  # out of the way
-        state = self._iterated(self._priced(price, cap, _N.rough), price, cap, _N.rough)
-        found = self._paired("associated", state, cap, self.rule.tolerance, self.iterates)
+        begun = self._priced(price, cap, _N.rough)
+        state = self._iterated(begun, price, cap, _N.rough)
+        found = self._paired("associated", state, cap, aim, self.iterates)
+        if found is None and not self.pair.has_cones:
+            state = self.pair.rotated(begun, self.until - self.pair.solved, aim)
+            found = self._paired("rotated cones", state, cap, aim)
         return None if found is None else self._settled(found, cap)
 
     def _searched(self, seed: int, first: CheckedState | None) -> Steps:
-        """Searches below ``first`` until the budget is spent, and returns no status of the run."""
         run, lowest, tries = self.run, first, 0
         self.random = np.random.default_rng(seed)
         least, gap, largest = _N.gaps
@@ -218,6 +218,9 @@ class _Searches:
                 label, state = "random prices", self._priced(self._random_price(), cap, _N.rough)
             else:
                 label, state = "lowest", self._kicked(lowest[1], cap)
+            if lowest is None and tries % 2 and not self.pair.has_cones:
+                most, label, cap = self.until - self.pair.solved, "rotated cones", factor
+                state = self.pair.rotated(state, most, self.rule.tolerance)
             label = f"search {seed}, {label} {tries}"
             found = self._paired(label, state, cap, self._aim(gap))
             # After a hit lower forces on its mechanism, and a cap further down; after a failure one
@@ -349,16 +352,14 @@ class _Searches:
         return abs((held.load_factor or 0.0) - factor) / self.run.scaling.unit(factor)
 
     def _random_price(self) -> FloatArray:
-        """Returns random prices (n,)."""
         unit = float(self.run.contacts.friction.max()) / self.run.scaling.live
         return self._random_sizes(self.random.choice(_N.prices) * unit)
 
     def _random_sizes(self, size: float) -> FloatArray:
-        """Returns random numbers (n,) from 0 to ``size``, most of them small."""
+        # from 0 to size, most of them small
         return np.asarray(size * self.random.uniform(size=len(self.run.contacts)) ** 2)
 
     def _priced(self, price: FloatArray, cap: float, tolerance: float) -> LimitState | None:
-        """Returns the state of the priced problem; None if the solve fails."""
         state = self.pair.priced(price, tolerance, cap)
         return None if state.forces is None or state.load_factor is None else state
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
-from cvxlimit.errors import InputError
 from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.extensions.interaction.restriction.lower_bound import (
     LowerBounds,
@@ -16,7 +15,7 @@ from cvxlimit.methods.wedging import without_limit
 from cvxlimit.proof.admissible import INSIDE, carried_exactly
 from cvxlimit.proof.checks import Check
 from cvxlimit.proving.derived import why_above
-from cvxlimit.proving.solutions import ProvedAgain
+from cvxlimit.proving.solutions import ProvedAgain, known_or_asked
 from cvxlimit.readings.named import parse_moments, reading_of
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import Bracket
@@ -25,20 +24,16 @@ from cvxlimit.solution.bracket import Bracket
 def checks(again: ProvedAgain) -> Iterator[Check]:
     """Every claim of a solution with certified interaction."""
     solution, run = again.solution, again.run
-    reading = reading_of(solution.moments) if again.moments is None else None
-    if reading is None and again.moments is None:
-        raise InputError(
-            f"the solution of {solution.scene_name!r} rests on moments of one's own "
-            f"({solution.moments!r}), which no file holds: give them as moments=..."
-        )
-    run.moments = reading or parse_moments(again.moments or "")
+    name, given = solution.moments, again.moments
+    found = reading_of(name) if given is None else parse_moments(given)
+    run.moments = known_or_asked(found, solution.scene_name, "moments", name)
     if solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
         yield without_limit(_harmless_inside(again), run, solution)
     elif solution.status is Status.DEAD_LOAD_UNSTABLE:
         yield _cannot_stand(again)
     else:
         yield from again.held_checks()
-        yield from again.ends([_bracket_with_interaction(again)])
+        yield from again.ends(_bracket_with_interaction(again))
 
 
 def _bracket_with_interaction(again: ProvedAgain) -> Bracket:

@@ -10,7 +10,7 @@ from cvxlimit.base.checks import first_twice
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.domains.domain import LoadDomain
 from cvxlimit.extensions.studies.domains.supports import Support
-from cvxlimit.io.fields import ANY_FINITE, FilePath, items, shown, text
+from cvxlimit.io.fields import FilePath, items, shown, text
 from cvxlimit.io.forms import (
     FLAG,
     TEXT,
@@ -23,32 +23,23 @@ from cvxlimit.io.forms import (
     listed,
     nullable,
     record,
-    row,
 )
-from cvxlimit.io.results import FIGURE, RATES_NAMED, RESULT, TOLERANCE
+from cvxlimit.io.results import FIGURE, RATES, RESULT, TOLERANCE
 from cvxlimit.io.scenes import LOAD
-from cvxlimit.model.statics import DOF
 from cvxlimit.solution import Status
 
 VECTOR = listed(FIGURE, made=lambda numbers: np.array(numbers, dtype=float))
 _FORMS: dict[str, Form] = {
     "point": nullable(VECTOR), "ray": nullable(VECTOR), "loaded": nullable(VECTOR),
     "offset": FIGURE, "solution": nullable(RESULT.inside), "direction": VECTOR, "normal": VECTOR,
+    "rates": nullable(RATES),
 }  # fmt: skip
-_ROWS = listed(row(RATES_NAMED, ANY_FINITE), "rates of free block {i}")
-RATES = Form(
-    lambda value, *place: {"rates": np.array(_ROWS.read(value, *place)).reshape(-1, DOF)},
-    lambda support, *place: None if support.rates is None else _ROWS.write(support.rates, *place),
-    _ROWS.schema,
-)
 SUPPORT = record(
     Support,
     {
-        name: Key(_FORMS.get(name, FLAG), is_needed=True)
+        name: Key(_FORMS.get(name, FLAG), is_needed=name != "rates")
         for name in map(str, Support.__dataclass_fields__)
-        if name != "rates"
-    }
-    | {"rates": Key(RATES, is_needed=False, is_several=True)},
+    },
 )
 
 

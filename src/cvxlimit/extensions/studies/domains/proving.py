@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.domains.document import DOMAIN
 from cvxlimit.extensions.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.extensions.studies.domains.images import Raw
@@ -19,7 +18,7 @@ from cvxlimit.methods.answer import Answer
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
 from cvxlimit.proving.derived import derived_checks, words_of_method
 from cvxlimit.proving.prove import Proof, Scenes, scene_of
-from cvxlimit.proving.solutions import solution_checks
+from cvxlimit.proving.solutions import as_solved, known_or_asked, solution_checks
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import combined
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
@@ -31,18 +30,9 @@ class DomainAgain:
 
     def __init__(self, domain: LoadDomain, scene: Scene, own: Mapping[str, Any]) -> None:
         self.domain, self.scene, self.own = domain, scene, own
-        surface: Any = own["surface"]
-        if surface is None:
-            surface = surfaces_named(domain.surface) or (
-                surfaces_named("conic", domain.surface) if domain.surface == "parabolic" else None
-            )
-        if surface is None:
-            raise InputError(
-                f"the domain of {domain.scene_name!r} rests on surfaces of one's own "
-                f"({domain.surface}), which no file holds: give them as surface=[...]"
-            )
-        self.surface = surface
-        options = {"surface": surface, "ladder": None, "model": "auto"}
+        named = own["surface"] or surfaces_named(*words_of(domain.surface).values())
+        self.surface = known_or_asked(named, domain.scene_name, "surface", domain.surface)
+        options = {"surface": self.surface, "ladder": None, "model": "auto"}
         if own["moments"] is not None:
             options["moments"] = own["moments"]
         loads = tuple(domain.loads.values())
@@ -96,23 +86,18 @@ class DomainAgain:
 
     def _raw(self, s: Support) -> Raw | None:
         """What a solver may have said, of which nothing is believed."""
-        solution, units = s.solution, self.structure.units
+        solution, run, units = s.solution, self.structure.run, self.structure.units
         if solution is None or solution.forces is None or s.loaded is None:
             return None
-        contacts, blocks = len(self.structure.run.contacts), len(self.scene.free)
-        rates = s.rates
-        if solution.mechanism is not None:
-            ids = [self.scene.blocks[i].id for i in self.scene.free]
-            if set(ids) != set(solution.mechanism):
-                return None
-            rates = np.array([solution.mechanism[key] for key in ids])
-        if solution.forces.shape != (contacts, 6) or (rates is not None and len(rates) != blocks):
+        if solution.forces.shape != (len(run.contacts), 6):
             return None
-        forces, about = np.array(solution.forces), s.loaded / units
-        mortar = self.structure.run.mortar
-        if mortar is not None:
-            forces[:, 2] += mortar.pull
-        given = forces
+        own, rates = as_solved(solution, run)
+        given = forces = np.array(own)
+        about = s.loaded / units
+        is_lost = rates is None and solution.mechanism is not None
+        rates = s.rates if solution.mechanism is None else rates
+        if is_lost or (rates is not None and len(rates) != len(self.scene.free)):
+            return None
         if self.structure.certifier.strength.is_internal:
             if solution.internal is None:
                 return None
