@@ -14,9 +14,10 @@ from cvxlimit import COMPONENTS, Contacts, Scene, builtin_scene
 from cvxlimit.model.flow import FlowRule, corner_openings
 from cvxlimit.model.formulations import resultants
 from cvxlimit.model.sinks import Constraints
+from cvxlimit.model.statement import admissible
 from cvxlimit.model.statics import Statics
 from cvxlimit.surfaces import Facets, Rocking, Sliding, Torsion, TorsionShear, YieldSurface
-from cvxlimit.surfaces.base import admissible, stated
+from cvxlimit.surfaces.base import stated
 from helpers import Core, Ellipse, contact_of, missing_opening, piles, regular, rotations
 
 SETS: dict[str, list[YieldSurface]] = {

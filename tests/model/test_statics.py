@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from cvxlimit import Block, Load, Scene, builtin_scene
 from cvxlimit.errors import InputError
 from cvxlimit.masonry import single_block
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from helpers import hand_equilibrium, rotations, scenes
 
@@ -45,6 +47,19 @@ class TestEquilibrium:
         force, moment = wrench[:, :3], wrench[:, 3:] + np.cross(centroids, wrench[:, :3])
         np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-10)
         np.testing.assert_allclose(moment.sum(axis=0), 0.0, atol=1e-10)
+
+    def test_problem_takes_that_of_the_balance_only_where_it_is_the_same(self) -> None:
+        """Narrower contacts are other equilibrium; other strengths are not."""
+        scene = builtin_scene("arch")
+        own, contacts = Assemblage.of(scene), scene.contacts
+        narrow = replace(contacts, corner_xy=0.5 * contacts.corner_xy)
+        slippery = scene._with_contacts(contacts.with_values(friction=0.4))
+        kept = replace(own, statics=replace(own.statics, contacts=narrow))
+        pairs = ((kept, scene._with_contacts(narrow)), (own.like(slippery), slippery))
+        for taken, anew in pairs:
+            found, expected = (LimitProgram(each).equilibrium.matrix for each in (taken, anew))
+            np.testing.assert_array_equal(found.toarray(), expected.toarray())
+        assert [taken.corners is own.balance.model for taken, _ in pairs] == [False, True]
 
     @given(scene=scenes(), seed=SEEDS)
     @FEW

@@ -237,6 +237,11 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         return float(np.median(np.sqrt(self.area[self.faces] if len(self.faces) else self.area)))
 
     @property
+    def pulls(self) -> bool:
+        """True if some contact bears tension, or pushes at least so much."""
+        return bool(np.any(self.tensile_strength) or np.any(self.least))
+
+    @property
     def extent(self) -> float:
         """Largest side of the box about all corners, at least :attr:`typical_size`."""
         return max(float(np.ptp(self.corner_points, axis=0).max()), self.typical_size)

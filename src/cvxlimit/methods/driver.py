@@ -24,7 +24,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.answer import Answer
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
-from cvxlimit.model.mortar import Mortar, is_needed
+from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.strength import ContactFlow
 from cvxlimit.readings.moments import INDEPENDENT, Moments
@@ -156,7 +156,7 @@ class Run:
         with self.clock.phase("compile"):
             self.assemblage = as_given = Assemblage.of(scene)
             self.given = as_given.scene
-            self.mortar = Mortar.of(self.given) if is_needed(self.contacts) else None
+            self.mortar = Mortar.of(self.given) if self.contacts.pulls else None
             if self.mortar is not None:
                 scaling = as_given.scaling if as_given is scene else None
                 self.assemblage = Assemblage.of(self.mortar.scene, scaling)
@@ -366,8 +366,8 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     """The run's best answer as a solution; its note reports bounds that contradict each other."""
     # What is claimed. Where no load factor exists, there is at most one below which nothing slides
     # without dilatancy.
-    best = run.best
-    if not status.has_answer:
+    best, has_answer = run.best, status.has_answer
+    if not has_answer:
         safe = 0.0 if best.dilatancy is None else best.dilatancy.safe
         bracket = Bracket().raised(safe, True) if safe > 0.0 else Bracket()
         best = replace(best, load_factor=None, bracket=bracket, reference=None)
@@ -377,21 +377,20 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     # How it ended: bounds overrule what the method says, and so do solvers that all failed. One has
     # said something if it returned values or claims that there is no optimum.
     is_empty = best.load_factor is None and not best.bracket.has_any
-    has_said = any(end.has_values or end.claims_no_optimum for _, end in run.attempts)
     if best.bracket.contradicts:
         status = Status.NOT_CERTIFIED
-        run.remarks.insert(
-            0, "the bounds contradict each other, so an assumption behind them fails"
-        )
-    elif status.has_answer and is_empty and run.attempts and not has_said:
-        status = Status.SOLVER_FAILED
+        fails = "the bounds contradict each other, so an assumption behind them fails"
+        run.remarks.insert(0, fails)
+    elif has_answer and is_empty and run.attempts:
+        ends = [end.has_values or end.claims_no_optimum for _, end in run.attempts]
+        status = status if any(ends) else Status.SOLVER_FAILED
     # Which question that answers: surface, flow rule, interaction, one of which the method names.
     question: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
         question[method.axis] = method.name
     if best.load_factor is not None:
         best = replace(best, load_factor=best.bracket.clipped(best.load_factor))
-    is_no_answer = status.has_answer and not (status.is_good or best.bracket.has_any)
+    is_no_answer = has_answer and not (status.is_good or best.bracket.has_any)
     dilatancy = None if method.axis == "flow" or is_no_answer else dilatancy_in(run, best)
     return Solution(
         **question,

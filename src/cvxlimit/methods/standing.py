@@ -13,13 +13,14 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage, Reduction
+from cvxlimit.model.formulations import times
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Iterate, LowerEnd
 from cvxlimit.solution.bracket import REFERENCE, Bracket, rounded
-from cvxlimit.surfaces.base import YieldSurface, times
+from cvxlimit.surfaces.base import YieldSurface
 
 SOLVERS_ASIDE = 2
 """Of the ladder, for questions beside the load factor: forces inside, and a mechanism that is exact

@@ -37,6 +37,10 @@ class Assemblage:
     scaling: Scaling
     balance: Balance
     strengths: dict[Hashable, Any] = field(default_factory=dict)
+    contacts: Contacts = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "contacts", self.statics.contacts)
 
     @classmethod
     def of(cls, scene: Scene | Assemblage, scaling: Scaling | None = None) -> Assemblage:
@@ -67,13 +71,17 @@ class Assemblage:
         statics.__dict__["matrix"] = self.statics.matrix
         return Assemblage(scene, statics, Scaling.of(scene), self.balance, self.strengths)
 
+    @property
+    def corners(self) -> ForceModel | None:
+        """Corner compressions that ``balance`` changes; None where it is of other equilibrium, of a
+        part or in a plane."""
+        balance = self.balance
+        is_own = balance.rates is None and balance.statics.matrix is self.statics.matrix
+        return balance.model if is_own else None
+
     @cached_property
     def scaled(self) -> Statics:
         return self.scaling.apply(self.statics)
-
-    @property
-    def contacts(self) -> Contacts:
-        return self.statics.contacts
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +125,7 @@ class Balance:
         contacts, number = self.statics.contacts, self.statics.row_of_block
         count = int(number.max()) + 2  # all supports are one, the last
         ends = number[contacts.a] % count, number[contacts.b] % count
-        graph = sp.coo_array((np.ones(len(contacts)), ends), (count, count))
+        graph = sp.coo_array((np.ones(len(ends[0])), ends), (count, count))
         return int(connected_components(graph, directed=False)[0]) == 1
 
     @cached_property
@@ -128,7 +136,7 @@ class Balance:
         square = weighted @ self.transposed
         if self.statics.guide is not None:  # rates that guides prevent: any value will do
             square = square + (sp.eye_array(square.shape[0]) - self.statics.guide)
-        if self.held is not None or len(self.statics.contacts.faces) < len(self.statics.contacts):
+        if self.held is not None or self.statics.contacts.is_point.any():
             # ways to move that nothing resists, as blocks that hang on ties have; no load does work
             # on them: a step leaves as much of the residual, and balances take two
             idle = BALANCED * float(square.diagonal().max())
@@ -143,14 +151,18 @@ class Balance:
         """The change for a residual along the ways in which blocks may move."""
         return np.asarray(-self.weights * (self.transposed @ self.solve(residual)))
 
-    def balanced(self, forces: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
-        """Forces (n, 6) with the least change that balances the loads of ``statics``."""
+    def balanced(
+        self, state: FloatArray, load_factor: float, statics: Statics, is_internal: bool = False
+    ) -> FloatArray:
+        """Contact forces (n, 6), or internal ones (p,), with the least change that balances the
+        loads of ``statics``; the same where some blocks have no support."""
         if not self.is_supported:
-            return forces
-        for _ in range(2):
+            return state
+        for _ in range(2):  # the second change removes the rounding of the first
+            forces = self.model.forces(state) if is_internal else state
             change = self.change(statics.residual(forces, load_factor).ravel())
-            forces = forces + self.model.forces(change)
-        return forces
+            state = state + (change if is_internal else self.model.forces(change))
+        return state
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,11 +44,11 @@ from scipy.sparse.linalg import splu
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.crushing import EffectiveRectangles
-from cvxlimit.model.formulations import ForceModel, corner_compressions
+from cvxlimit.model.formulations import ForceModel, corner_compressions, express
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.solvers import run, settings_for
-from cvxlimit.surfaces.base import CONSTANT, LinearForm, YieldSurface, express, number
-from cvxlimit.surfaces.cones import Cone
+from cvxlimit.surfaces.base import CONSTANT, LinearForm, YieldSurface, number
+from cvxlimit.surfaces.cones import Cone, with_gauges
 from cvxlimit.surfaces.coulomb import Bounds, with_bounds
 
 _PENALTY = 10.0
@@ -98,7 +98,7 @@ class _Forms:
     ``forces`` are the components of ``contacts`` contacts as forms of ``width`` unknowns, the
     internal forces; ``forms`` come with the contact of each of their rows, None for one per
     contact. They stand one below the other: ``slices`` says which rows are those of each form, and
-    ``contact`` has the contact of every row. Parameters count with their present values.
+    ``contact`` has the contact of every row.
     """
 
     def __init__(
@@ -106,8 +106,7 @@ class _Forms:
         forms: list[tuple[LinearForm, IntArray | None]],
     ) -> None:  # fmt: skip
         every = np.arange(contacts)
-        at_present = [{k: number(c) for k, c in form.items()} for form, _ in forms]
-        rows = [express(form, forces, at) for form, (_, at) in zip(at_present, forms, strict=True)]
+        rows = [express(form, forces, at) for form, at in forms]
         ends = list(accumulate((form.size for form in rows), initial=0))
         self.slices, self.size = list(map(slice, ends, ends[1:])), ends[-1]
         whole = stacked(rows or [forces["N"][every[:0]]])  # without forms, no rows
@@ -136,33 +135,28 @@ class StrengthRows:
         resistances: list[tuple[LinearForm, IntArray | None]] = []
         norms: list[tuple[LinearForm, IntArray | None]] = []
         for _, condition, _ in stated:
-            resistances.append((condition.resistance, condition.contact))
-            for norm in condition.norms:
-                norms += zip(norm.weighted_rows, repeat(condition.contact))
+            resistance, rows = condition.at_present()
+            resistances.append((resistance, condition.contact))
+            norms += zip(rows, repeat(condition.contact))
         unknowns = Rows()
         forces, _ = model.unknowns(unknowns)
-        count, width = len(model.contacts), unknowns.width
+        count, width = model.count, unknowns.width
         self.resistance = _Forms(forces, count, width, resistances)
         self.norms = _Forms(forces, count, width, norms)
         # Forms were collected condition by condition, so their slices come in that order.
         self.conditions: list[tuple[Cone, slice, list[list[slice]]]] = []
         of_norms = iter(self.norms.slices)
-        for (_, condition, cone), rows in zip(stated, self.resistance.slices, strict=True):
+        for (_, condition, cone), at in zip(stated, self.resistance.slices, strict=True):
             by_norm = [list(islice(of_norms, len(norm.rows))) for norm in condition.norms]
-            self.conditions.append((cone, rows, by_norm))
+            self.conditions.append((cone, at, by_norm))
 
-    def excess(self, internal: FloatArray) -> list[tuple[FloatArray, IntArray]]:
-        """Yield functions of internal forces (p,), and the contact of every entry, one pair per
-        condition; <= 0 is admissible."""
-        resistance = self.resistance.matrix @ internal + self.resistance.constant
-        components = self.norms.matrix @ internal + self.norms.constant
-        result = []
-        for cone, rows, by_norm in self.conditions:
-            excess = -resistance[rows]
-            for norm in by_norm:
-                excess = excess + cone.gauge([components[row] for row in norm])
-            result.append((excess, self.resistance.contact[rows]))
-        return result
+    def excess(self, *states: FloatArray) -> list[FloatArray]:
+        """Yield functions (k,) of each of some states, internal forces (p,), row by row of the
+        resistances; <= 0 is admissible."""
+        resistance, norms = self.resistance, self.norms
+        excess = [-(resistance.matrix @ state + resistance.constant) for state in states]
+        components = [norms.matrix @ state + norms.constant for state in states]
+        return with_gauges(self.conditions, components, excess)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,13 +184,14 @@ class FlowRule(StrengthRows):
         # N: a uniform opening of the contact is that much along it.
         self._signed = np.flatnonzero(~self.model.nonneg)
         self._compressions = np.flatnonzero(self.model.nonneg)
-        normal = self.model.resultant_map[COLUMN["N"] :: len(COMPONENTS)]
-        per_unit = np.asarray(normal.sum(axis=0), dtype=float).ravel()
+        gives, width = self.model.resultant_map.tocoo(), len(self.model.nonneg)
+        is_normal = gives.row % len(COMPONENTS) == COLUMN["N"]
+        per_unit = np.bincount(gives.col[is_normal], gives.data[is_normal], width)
         self._normal_per_unit = per_unit[self._compressions]
         size = self.model.contacts.typical_size
         self._length = np.where(self.model.is_moment[self._signed], size, 1.0)
         # Compressions that are bounded above resist any rate: at their bound where it closes them.
-        most = np.full(len(own.contacts), np.inf)
+        most = np.full(self.model.count, np.inf)
         for surface in with_bounds(surfaces, own.contacts):
             for condition in (
                 surface.conditions(own.contacts) if surface.name == Bounds.name else ()
@@ -212,11 +207,13 @@ class FlowRule(StrengthRows):
         # the others make up for them.
         self._is_linear = np.zeros(self.resistance.size, dtype=bool)  # conditions without norms
         self._is_coupled = np.zeros(self.norms.size, dtype=bool)
-        signed_entries = np.diff(self.resistance.matrix[:, self._signed].indptr)  # of each row
+        grows = self.resistance.matrix.tocoo()
+        is_signed = np.zeros(self.resistance.size, dtype=bool)
+        is_signed[grows.row[~self.model.nonneg[grows.col]]] = True
         for _, rows, by_norm in self.conditions:
             self._is_linear[rows] = not by_norm
             for row in chain(*by_norm):
-                self._is_coupled[row] = signed_entries[rows].any()
+                self._is_coupled[row] = is_signed[rows].any()
         # All y is determined where it alone resists the signed rates, with no more rows than these
         # are: B' y = -r has one solution then, and the least multipliers are its polar gauges.
         has_choice = self._is_linear.any() or self._is_coupled.any()
@@ -306,11 +303,11 @@ class FlowRule(StrengthRows):
         rest = rest - (resistance.transposed @ least - norms.transposed @ flows)
         multipliers = least + multipliers
         # Dissipation c' lambda - b' y, contact by contact.
-        by_contact = np.zeros(len(self.model.contacts))
+        by_contact = np.zeros(self.model.count)
         np.add.at(by_contact, resistance.contact, resistance.constant * multipliers)
         np.add.at(by_contact, norms.contact, -norms.constant * flows)
         # The uniform opening of each contact that brings the rest along all compressions up to 0.
-        missing = np.full(len(self.model.contacts), -np.inf)
+        missing = np.full(self.model.count, -np.inf)
         contact, opening = self.model.contact[self._compressions], rest[self._compressions]
         bounded = self._bounded
         np.add.at(by_contact, contact[bounded], self._most * np.maximum(-opening[bounded], 0.0))
@@ -327,8 +324,7 @@ class FlowRule(StrengthRows):
         """Returns openings at all compressions of the model as those in the middle of rectangles
         that crush (k,), and their slopes (k, 2) along both sides."""
         assert self._crushing is not None
-        contacts, rows = self.model.contacts, self._crushing.rows
-        contact = self.model.contact[self._compressions]
+        rows, contact = self._crushing.rows, self.model.contact[self._compressions]
         # a compression at (x, y) is N = 1, M1 = y, M2 = -x
         place = self.model.resultant_map[:, self._compressions]
         at = np.arange(len(contact))
@@ -336,7 +332,7 @@ class FlowRule(StrengthRows):
         y = np.asarray(place[6 * contact + COLUMN["M1"], at])
 
         def summed(values: FloatArray) -> FloatArray:
-            return np.bincount(contact, values, len(contacts)).astype(float)[rows]
+            return np.bincount(contact, values, self.model.count).astype(float)[rows]
 
         slope = [summed(v * opening) / summed(v * v) for v in (x, y)]
         return summed(opening) / summed(np.ones(len(contact))), np.stack(slope, axis=1)
@@ -345,10 +341,10 @@ class FlowRule(StrengthRows):
         """Returns the least multipliers (k,) that flows (q,) permit: the largest polar gauge of a
         condition's norms, zero for a condition without norms."""
         result = np.zeros(self.resistance.size)
-        for cone, rows, by_norm in self.conditions:
+        for cone, at, by_norm in self.conditions:
             for norm in by_norm:
                 gauge = cone.polar_gauge([flows[row] for row in norm])
-                result[rows] = np.maximum(result[rows], gauge)
+                result[at] = np.maximum(result[at], gauge)
         return result
 
     @cached_property
@@ -373,7 +369,7 @@ class FlowRule(StrengthRows):
             return self._no_flows
         # Rates of order 1, with dissipation as an opening: beside missing opening it has a price.
         strength = self._strength
-        missing = cp.Variable(len(self.model.contacts))
+        missing = cp.Variable(self.model.count)
         unit = np.where(strength > 0.0, strength, 1.0)
         flow = self.symbolic(rates / scale + self._uniform_opening @ missing, unit)
         if not is_cheap:  # missing may be negative: then it is opening to spare
@@ -395,7 +391,7 @@ class FlowRule(StrengthRows):
     @cached_property
     def _strength(self) -> FloatArray:
         """The sum (n,) of the sizes of all constants at each contact: a force."""
-        result = np.zeros(len(self.model.contacts))
+        result = np.zeros(self.model.count)
         for rows in (self.resistance, self.norms):
             np.add.at(result, rows.contact, np.abs(rows.constant))
         return result
@@ -404,5 +400,5 @@ class FlowRule(StrengthRows):
     def _uniform_opening(self) -> sp.csr_array:
         """Rates of internal forces (p, n) per uniform opening of each contact."""
         index = (self._compressions, self.model.contact[self._compressions])
-        shape = (len(self.model.nonneg), len(self.model.contacts))
+        shape = (len(self.model.nonneg), self.model.count)
         return sp.csr_array((self._normal_per_unit, index), shape=shape)

@@ -31,11 +31,9 @@ from cvxlimit.surfaces.base import (
     Norm,
     YieldSurface,
     check_condition,
-    express,
+    conditions_of,
     is_some,
     product,
-    stated,
-    times,
 )
 from cvxlimit.surfaces.cones import Cone, Conic, Sink
 
@@ -94,6 +92,8 @@ class ForceModel:
         sides forces in the user's units. ``cone`` is for their norms.
     implied : frozenset of str
         Names of surfaces whose conditions its forces satisfy by construction.
+    count : int
+        Number of contacts.
     nonneg, is_moment : (p,) array of bool, contact : (p,) int array
         Of every internal force.
 
@@ -108,12 +108,14 @@ class ForceModel:
     conditions: Sequence[Condition] = ()
     implied: frozenset[str] = frozenset({"rocking"})
     cone: Cone = field(default_factory=Conic)
+    count: int = field(init=False)
     start: Mapping[str, slice] = field(init=False)
     nonneg: NDArray[np.bool_] = field(init=False)
     is_moment: NDArray[np.bool_] = field(init=False)
     contact: IntArray = field(init=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "count", len(self.contacts))
         names = [part.name for part in self.parts]
         if len(set(names)) < len(names):
             raise ModelError(f"parts of a formulation need names of their own, got {names}")
@@ -125,7 +127,7 @@ class ForceModel:
                     f"known are {', '.join(COMPONENTS)}"
                 )
         for condition in self.conditions:
-            check_condition(condition, "the formulation", len(self.contacts), names)
+            check_condition(condition, "the formulation", self.count, names)
         sizes = [len(part.contact) for part in self.parts]
         ends = np.cumsum(sizes).tolist()
         start = dict(zip(names, map(slice, [0, *ends], ends), strict=False))
@@ -146,7 +148,7 @@ class ForceModel:
         row = np.concatenate([at for _, at, _ in entries])
         column = np.concatenate([np.arange(where.start, where.stop) for where, _, _ in entries])
         each = np.concatenate([np.broadcast_to(value, len(at)) for _, at, value in entries])
-        shape = len(COMPONENTS) * len(self.contacts), len(self.contact)
+        shape = len(COMPONENTS) * self.count, len(self.contact)
         return sp.csr_array((each.astype(float), (row, column)), shape=shape)
 
     def values(self, internal: FloatArray) -> dict[str, FloatArray]:
@@ -162,18 +164,15 @@ class ForceModel:
     def strength(self, surfaces: Sequence[YieldSurface]) -> list[tuple[str, Condition, Cone]]:
         """Conditions to be written, by name: of surfaces that do not hold already, and its own."""
         names = list(self.start)
-        written = [
-            (surface.name, condition, surface.cone)
-            for surface in surfaces
-            if surface.name not in self.implied
-            for condition in stated(surface, self.contacts, names)
-        ]
+        needed = [surface for surface in surfaces if surface.name not in self.implied]
+        stated = conditions_of(needed, self.contacts, names)
+        written = [(surface.name, condition, surface.cone) for surface, condition in stated]
         written += [("formulation", condition, self.cone) for condition in self.conditions]
-        if len(faces := self.contacts.faces) < len(self.contacts):
-            written = [(name, on_faces(c, faces), cone) for name, c, cone in written]
+        if len(faces := self.contacts.faces) < self.count:
+            written = [(name, c.on_faces(faces), cone) for name, c, cone in written]
             written = [each for each in written if len(each[1].rows(0))]
         for _, condition, _ in written:
-            rows = len(self.contacts if condition.contact is None else condition.contact)
+            rows = self.count if condition.contact is None else len(condition.contact)
             for name in chain.from_iterable(condition.forms()):
                 where = self.start.get(name)
                 size = rows if where is None or name in COLUMN else where.stop - where.start
@@ -207,7 +206,7 @@ class ForceModel:
                 internal.append(force / unit)
             else:
                 internal.append(into.new(size, part.name, part.nonneg))
-                force = times(unit, internal[-1])
+                force = internal[-1] if unit == 1.0 else unit * internal[-1]
             forces.parts[part.name] = force
             if part.name not in (*COMPONENTS, CONSTANT):  # these always mean the contact's
                 forces[part.name] = force
@@ -222,7 +221,7 @@ class _Forces(dict[str, Any]):
         self.parts: dict[str, Any] = {}
 
     def __missing__(self, component: str) -> Any:
-        parts, n = self._model.parts, len(self._model.contacts)
+        parts, n = self._model.parts, self._model.count
         terms = [
             gathered(self.parts[p.name], p.contact, n, p.components.get(component, 0.0))
             for p in [p for p in parts if component in p.components] or parts[:1]
@@ -231,20 +230,32 @@ class _Forces(dict[str, Any]):
         return self[component]
 
 
-def on_faces(condition: Condition, faces: IntArray) -> Condition:
-    """Returns a condition without its rows at contacts that are points, which have none but
-    bounds."""
-    if condition.contact is not None:
-        return condition
+def express(form: LinearForm, forces: Mapping[str, Any], contact: IntArray | None = None) -> Any:
+    """Returns a linear form of force components, which are arrays or forms of a sink; ``contact``
+    as in :class:`~cvxlimit.surfaces.base.Condition`."""
 
-    def of(coefficient: Any) -> Any:
-        return coefficient if np.ndim(coefficient) == 0 else coefficient[faces]
+    def of(name: str) -> Any:
+        value = forces[name]  # unknowns that are no components have a row each already
+        return value if contact is None or name not in COLUMN else value[contact]
 
-    def rows(form: LinearForm) -> LinearForm:
-        return {name: of(c) for name, c in form.items()}
+    terms = [times(k, of(component)) for component, k in form.items() if component != CONSTANT]
+    # The constant comes last: it may be an expression of CVXPY, which adds no other kind.
+    if CONSTANT in form:
+        terms = terms or [times(0.0, of("N"))]
+        terms.append(product(form[CONSTANT], forces[CONSTANT]))
+    return sum(terms[1:], start=terms[0])
 
-    norms = [Norm(*map(rows, n.rows), weight=of(n.weight)) for n in condition.norms]
-    return Condition(norms, rows(condition.resistance), faces)
+
+def times(coefficient: Coefficient, component: Any) -> Any:
+    """Returns a form of a sink times a coefficient, entry by entry."""
+    if isinstance(coefficient, (int, float)):
+        return component if coefficient == 1 else coefficient * component
+    if not isinstance(component, cp.Expression):
+        return component.times(coefficient)
+    # A name for the numbers, so that a printed problem is short.
+    if not isinstance(coefficient, cp.Expression):
+        coefficient = cp.Constant(coefficient, name=f"[{np.size(coefficient)} numbers]")
+    return cp.multiply(coefficient, component)
 
 
 Formulation = Callable[[Contacts], ForceModel]
@@ -257,18 +268,24 @@ DIVISIONS = 8
 l/5 both ways a square then bears 1 % less than its plastic field."""
 
 
-def model_of(formulation: Formulation, contacts: Contacts) -> ForceModel:
+def model_of(
+    formulation: Formulation, contacts: Contacts, corners: ForceModel | None = None
+) -> ForceModel:
     """The force model of contacts under a formulation, with compressive strength where given.
 
     Rectangles crush on their effective rectangle, other polygons under a plastic field on cells.
-    Formulations with an attribute ``sees_to_strength`` state that themselves.
+    Formulations with an attribute ``sees_to_strength`` state that themselves. ``corners`` are
+    corner compressions that are known already, perhaps of these contacts.
 
     Raises
     ------
     ModelError
         If that is no :class:`ForceModel`.
     """
-    model = formulation(contacts) if callable(formulation) else formulation
+    is_plain = formulation is corner_compressions
+    is_known = is_plain and getattr(corners, "contacts", None) is contacts
+    model: Any = corners if is_known else formulation
+    model = model(contacts) if callable(model) else model
     if not isinstance(model, ForceModel):
         raise ModelError(
             "formulation must be a function from contacts to a ForceModel, like "

@@ -38,7 +38,7 @@ class Mortar:
     def of(cls, scene: Scene) -> Mortar:
         contacts = scene.contacts
         tension = contacts.tensile_strength
-        if not is_needed(contacts):
+        if not contacts.pulls:
             return cls(scene, np.zeros(len(contacts)))
         cohesion = contacts.cohesion - contacts.friction * tension
         # c = mu t is a fair choice
@@ -65,11 +65,6 @@ class Mortar:
         result = np.array(forces)
         result[:, COLUMN["N"]] -= self.pull
         return result
-
-
-def is_needed(contacts: Contacts) -> bool:
-    """True if some contact bears tension, or pushes at least so much."""
-    return bool(np.any(contacts.tensile_strength) or np.any(contacts.least))
 
 
 def without_tension(contacts: Contacts) -> tuple[Contacts, FloatArray]:

@@ -3,7 +3,7 @@ what it may maximise, its goal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -14,19 +14,12 @@ import scipy.sparse as sp
 
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
-from cvxlimit.model.formulations import Formulation, model_of
+from cvxlimit.model.formulations import Formulation, corner_compressions, express, model_of, times
 from cvxlimit.model.given import Given
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.model.statics import DOF
-from cvxlimit.surfaces.base import (
-    Condition,
-    LinearForm,
-    YieldSurface,
-    admissible,
-    product,
-    times,
-)
-from cvxlimit.surfaces.cones import Cone
+from cvxlimit.surfaces.base import Condition, LinearForm, YieldSurface, product
+from cvxlimit.surfaces.cones import Cone, Sink
 from cvxlimit.surfaces.coulomb import needed_surfaces, with_bounds
 
 
@@ -99,6 +92,28 @@ def largest_self_stress(stated: Stated) -> Any:
     return np.ones(pressure.size) @ pressure
 
 
+def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone: Cone) -> None:
+    """States a condition on force components (n,), which are forms of the sink.
+
+    ``forces`` also holds a :data:`CONSTANT`: the unit in which the components are. Each norm gets
+    an auxiliary bound, which is taken off the resistance, except a last one without a weight: its
+    bound is the rest of the resistance.
+    """
+    contact = condition.contact
+    remaining = express(condition.resistance, forces, contact)
+    norms = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
+    last = norms.pop() if norms and norms[-1].is_plain else None
+    for norm in norms:
+        rows = [express(form, forces, contact) for form in norm.rows]
+        bound = into.new(rows[0].size)
+        cone.epigraph(into, bound, rows)
+        remaining = remaining - times(norm.weight, bound)
+    if last is None:
+        into.nonneg(remaining)
+    else:
+        cone.epigraph(into, remaining, [express(form, forces, contact) for form in last.rows])
+
+
 class Statement:
     """What a limit problem says; see :class:`~cvxlimit.model.program.LimitProgram`."""
 
@@ -120,7 +135,7 @@ class Statement:
             reduction = replace(whole, contacts=given.contacts)
         self.reduction = reduction
         self.goal, self.scaling = goal, self.assemblage.scaling
-        self.model = model_of(self.reduction.formulation, self.reduction.contacts)
+        self.model = model_of(reduction.formulation, reduction.contacts, self.assemblage.corners)
         # units of internal forces, and one over those of equilibrium's rows: moments by the length
         self._unit = np.where(self.model.is_moment, self.scaling.length, 1.0)
         down = np.repeat([1.0, 1.0 / self.scaling.length], 3)
@@ -189,11 +204,21 @@ class Statement:
         dead = product(self._down / self.scaling.force, self.given.dead)
         return dead, product(self._down / self.scaling.live, self.given.live)
 
+    @cached_property
+    def _is_whole(self) -> bool:
+        """True if unknown are the corner compressions of all contacts: equilibrium is then the same
+        for all scenes of one geometry."""
+        is_plain = self.reduction.formulation is corner_compressions and not self.model.conditions
+        return is_plain and not self.reduction.names
+
     def _matrix(self) -> sp.csr_array:
         """The matrix of equilibrium along all six ways of all free blocks, scaled."""
         lift, resultant_map = self.reduction.forces, self.model.resultant_map
-        forces = resultant_map if lift is None else lift @ resultant_map
-        matrix = (self.assemblage.statics.matrix @ forces).tocsr()
+        if self._is_whole and self.assemblage.corners is not None:
+            matrix = self.assemblage.balance.matrix.copy()
+        else:
+            forces = resultant_map if lift is None else lift @ resultant_map
+            matrix = (self.assemblage.statics.matrix @ forces).tocsr()
         matrix.data *= np.repeat(self._down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
         matrix.eliminate_zeros()
         return matrix

@@ -94,6 +94,10 @@ class Statics:
         return matrix if self.guide is None else (self.guide @ matrix).tocsr()
 
     @cached_property
+    def transposed(self) -> sp.csc_array:
+        return self.matrix.T
+
+    @cached_property
     def sizes(self) -> sp.csr_array:
         """The absolute values of A."""
         return abs(self.matrix)
@@ -125,7 +129,7 @@ class Statics:
 
     def relative_rates(self, mechanism: FloatArray) -> FloatArray:
         """A^T u: relative displacement rates (contacts, 6) of Eq. 2 for block rates (free, 6)."""
-        return np.asarray(self.matrix.T @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
+        return np.asarray(self.transposed @ mechanism.ravel()).reshape(-1, len(COMPONENTS))
 
 
 def block_sizes(generalised: FloatArray, length: float) -> FloatArray:

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -282,11 +283,9 @@ class Certifier:
             return _Bound(-np.inf, False, errors)
 
         # Without a dead-load state, what is violated is weighted by the largest rate.
-        forces = self.strength.forces(x)
-        residual = block_sizes(self.statics.residual(forces, alpha), self.size).sum()
+        residual = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
         excess = self.strength.excess(x)
-        total_excess = sum(float(np.maximum(y, 0.0).sum()) for y in excess)
-        violated = residual + total_excess
+        violated = residual.sum() + sum(float(np.maximum(y, 0.0).sum()) for y in excess)
         error = violated * REFERENCE * rate if violated > 0.0 else 0.0
         assumed = alpha - error if np.isfinite(error) else -np.inf
         dead_state, dead_factor = self.witnesses.dead_state, self.witnesses.factor
@@ -297,9 +296,9 @@ class Certifier:
         # The least share t of the dead-load state that brings the mixture inside all surfaces. That
         # of crushing is convex where rocking holds: it is asked again of that mixture.
         dead_excess, lower = self.strength.excess(dead_state), alpha
-        for _ in range(1 if self.strength.crushing is None else 2):
-            share = 0.0
-            for y, y_dead in zip(self.strength.excess(x), dead_excess, strict=True):
+        for again in (False,) if self.strength.crushing is None else (False, True):
+            share, excess = 0.0, self.strength.excess(x) if again else excess
+            for y, y_dead in zip(excess, dead_excess, strict=True):
                 beyond = np.maximum(y, 0.0)
                 share = max(share, float((beyond / (beyond - y_dead)).max()))
             x, lower = x + share * (dead_state - x), lower + share * (dead_factor - lower)
@@ -419,11 +418,14 @@ class Certifier:
 
     def _total_load(self, alpha: float) -> float:
         """Returns the sum of the sizes of all loads at ``alpha``; the live load's if that is 0."""
-        dead, live = (
-            float(block_sizes(f.reshape(-1, DOF), self.size).sum())
-            for f in (self.statics.dead, self.statics.live)
-        )
+        dead, live = self._loads
         return dead + abs(alpha) * live or live
+
+    @cached_property
+    def _loads(self) -> tuple[float, float]:
+        """The sums of the sizes of dead and live load."""
+        dead, live = (f.reshape(-1, DOF) for f in (self.statics.dead, self.statics.live))
+        return float(block_sizes(dead, self.size).sum()), float(block_sizes(live, self.size).sum())
 
     def _largest_rate(self, mechanism: FloatArray) -> float:
         """Returns the largest rate of a block or corner opening at live power 1."""

@@ -12,7 +12,7 @@ the corners of contacts, shear and torsion.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -98,7 +98,7 @@ class Witnesses:
 
     def __init__(self, assemblage: Assemblage, strength: Strength) -> None:
         self.assemblage, self.strength = assemblage, strength
-        self.statics = assemblage.statics
+        self.statics, self._count = assemblage.statics, strength.model.count
         self._balance = strength.balance
         self._can_project = self._balance.is_supported and not strength.is_internal
         self._dead_state: FloatArray | None = None
@@ -148,7 +148,7 @@ class Witnesses:
             share, iterations = _SETTINGS.attempts[self._attempts_made]
             patience = iterations
             if self._attempts_made == 0:  # a solver's whole answer is quicker than more
-                few = _SETTINGS.least_iterations + len(self.statics.contacts) // 4
+                few = _SETTINGS.least_iterations + self._count // 4
                 iterations, patience = min(iterations, few), _SETTINGS.patience
             self._attempts_made += 1
             self._dead_state = self._find_dead_state(share, iterations, patience)
@@ -174,7 +174,7 @@ class Witnesses:
             if len(missing) > patience and 0.0 < 0.5 * missing[-1 - patience] < missing[-1]:
                 return None
             # Is the state strictly inside? Then it only remains to balance it to rounding.
-            if missing[-1] <= 0.0 and all(y.max() < 0.0 for y, _ in self._excess(z)):
+            if missing[-1] <= 0.0 and self._yield[0](z)[0].max(initial=-1.0) < 0.0:
                 z = self._put_into_balance(self._put_into_balance(z))
                 forces, length = model.forces(z), contacts.typical_size
                 if all(y.max() < 0.0 for y in self.strength.excess(forces)):
@@ -210,7 +210,7 @@ class Witnesses:
         model, at = self._balance.model, bounded(self.statics.contacts)
         if not len(at):
             return None
-        most = np.full(len(self.statics.contacts), np.inf)
+        most = np.full(self._count, np.inf)
         most[at] = self.statics.contacts.most[at]
         return np.asarray(most[model.contact[model.nonneg]])
 
@@ -244,39 +244,38 @@ class Witnesses:
     def _moved_towards(self, inner: FloatArray, z: FloatArray) -> tuple[FloatArray, bool]:
         """Returns z moved towards ``inner`` contact by contact, just until it keeps a reserve, and
         whether ``inner`` is strictly inside itself."""
-        share, is_inside = np.zeros(len(self.statics.contacts)), True
-        for (y, contact), (y_inner, _) in zip(self._excess(z), self._excess(inner), strict=True):
-            goal = _SETTINGS.spare * y_inner
-            beyond = (y_inner < 0.0) & (y > goal)
-            needed = np.where(beyond, y - goal, 0.0) / np.where(beyond, y - y_inner, 1.0)
-            np.maximum.at(share, contact, needed)
-            is_inside = is_inside and bool(y_inner.max(initial=-1.0) < 0.0)
+        excess, contact = self._yield
+        y, y_inner = excess(z, inner)
+        goal = _SETTINGS.spare * y_inner
+        beyond = (y_inner < 0.0) & (y > goal)
+        needed = np.where(beyond, y - goal, 0.0) / np.where(beyond, y - y_inner, 1.0)
+        share = np.zeros(self._count)
+        np.maximum.at(share, contact, needed)
+        is_inside = bool(y_inner.max(initial=-1.0) < 0.0)
         return z + share[self._balance.model.contact] * (inner - z), is_inside
 
-    def _excess(self, z: FloatArray) -> list[tuple[FloatArray, IntArray]]:
-        """Returns the yield excess of internal forces, and the contact of each entry, condition by
-        condition."""
-        if self._rows is not None:
-            return self._rows.excess(z)
-        excess = self.strength.excess(self._balance.model.forces(z))
-        conditions = zip(excess, self.strength.rows, self.strength.conditions, strict=False)
+    @cached_property
+    def _yield(self) -> tuple[Callable[..., list[FloatArray]], IntArray]:
+        """The yield functions (k,) of each of some states of internal forces, and the contact (k,)
+        of every entry: rows on internal forces, but :meth:`Strength.excess` where some forces are
+        resisted by nothing, or stone crushes, which only that takes into account."""
+        strength, model = self.strength, self._balance.model
+        if self._balance.held is None and strength.crushing is None:
+            if self._balance.rates is None and isinstance(strength.flow, StrengthRows):
+                rows: StrengthRows = strength.flow
+            else:
+                rows = StrengthRows(strength.surfaces, model)
+            return rows.excess, rows.resistance.contact
         # Conditions at corners are left out: they hold where compressions are positive. The last
         # of excess are those of points, whose forces are compressions alone here, and of crushing.
-        result = [(y, rows) for y, rows, (c, _) in conditions if c.contact is None]
-        if self.strength.crushing is not None:
-            result.append((excess[-1], self.strength.rows[-1]))
-        return result
+        kept = [i for i, (c, _) in enumerate(strength.conditions) if c.contact is None]
+        kept += [-1] * (strength.crushing is not None)
 
-    @cached_property
-    def _rows(self) -> StrengthRows | None:
-        """The conditions as rows on internal forces; None where some forces are resisted by
-        nothing, or stone crushes, which only :meth:`Strength.excess` takes into account."""
-        if self._balance.held is not None or self.strength.crushing is not None:
-            return None
-        flow = self.strength.flow
-        if self._balance.rates is None and isinstance(flow, StrengthRows):
-            return flow
-        return StrengthRows(self.strength.surfaces, self._balance.model)
+        def excess(*states: FloatArray) -> list[FloatArray]:
+            every = [strength.excess(model.forces(z)) for z in states]
+            return [np.concatenate([np.zeros(0), *(y[i] for i in kept)]) for y in every]
+
+        return excess, np.concatenate([np.zeros(0, int), *(strength.rows[i] for i in kept)])
 
     @cached_property
     def opening_field(self) -> FloatArray | None:
@@ -309,6 +308,6 @@ class Witnesses:
         opening = _SETTINGS.overshoot * np.maximum(missing + _SETTINGS.spare, 0.0) / (1.0 + mu**2)
         arm = np.where(model.is_moment, contacts.torsion_arm[contact], 1.0)
         slips = np.where(model.nonneg, 0.0, arm * rates)
-        slip = np.sqrt(np.bincount(contact, slips**2, len(contacts)))
+        slip = np.sqrt(np.bincount(contact, slips**2, self._count))
         share = np.maximum(1.0 - mu * opening / np.where(slip > 0.0, slip, np.inf), 0.0)
         return np.where(model.nonneg, rates + opening[contact], share[contact] * rates)

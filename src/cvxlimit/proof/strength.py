@@ -27,9 +27,9 @@ from cvxlimit.surfaces.base import (
     Recession,
     YieldSurface,
     columns,
-    condition_excess,
+    conditions_of,
+    excesses,
     has_constants,
-    number,
     stated,
 )
 from cvxlimit.surfaces.cones import Cone
@@ -76,19 +76,19 @@ class Strength:
         self.contacts = assemblage.contacts
         self.formulation = formulation
         # rectangles that crush have closed forms; what else crushes has forces of its own
-        self.crushing = EffectiveRectangles.of(self.contacts)
-        if formulation is not corner_compressions:
-            self.crushing = None
-        is_plain = self.crushing is not None
-        model = formulation(self.contacts) if is_plain else model_of(formulation, self.contacts)
+        is_plain = formulation is corner_compressions
+        self.crushing = EffectiveRectangles.of(self.contacts) if is_plain else None
+        if self.crushing is None:
+            model = model_of(formulation, self.contacts, assemblage.corners)
+        else:
+            model = corner_compressions(self.contacts)
         self.is_internal = bool(model.conditions)
-        is_needed = self.is_internal or formulation is corner_compressions
-        self.model = model if is_needed else corner_compressions(self.contacts)
+        self.model = model if self.is_internal or is_plain else corner_compressions(self.contacts)
         # Compressions among internal forces, by place: a part of a formulation may have the name of
         # a force component, so that a condition by name would mean the wrong one.
         self._pressed = np.flatnonzero(self.model.nonneg if self.is_internal else [])
         self._points = np.flatnonzero(self.contacts.is_point)
-        others = (s for s in surfaces if s.name != Rocking.name)
+        others = [s for s in surfaces if s.name != Rocking.name]
         self.surfaces = with_bounds((Rocking(), *others), self.contacts)
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
         self._idle = np.array([], dtype=int)
@@ -140,15 +140,13 @@ class Strength:
     def _unresisted(self) -> tuple[list[BoolArray], BoolArray]:
         """The rows whose resistance is zero, condition by condition, and the contact forces (n, 6)
         that must therefore be zero, as shear of a contact without friction."""
-        rows_without, unresisted = [], np.zeros((len(self.contacts), len(COMPONENTS)), dtype=bool)
-        for condition, _ in self.conditions:
-            rows = condition.rows(len(self.contacts))
-            sizes = (np.abs(number(k)) for k in condition.resistance.values())
-            is_zero = (sum(sizes, np.zeros(len(rows))) == 0.0) & bool(condition.norms)
-            rows_without.append(is_zero)
+        rows_without = [condition.unresisted(self.model.count) for condition, _ in self.conditions]
+        unresisted = np.zeros((self.model.count, len(COMPONENTS)), dtype=bool)
+        for (condition, _), is_zero in zip(self.conditions, rows_without, strict=True):
+            at = np.arange(self.model.count) if condition.contact is None else condition.contact
             names = [name for norm in condition.norms for row in norm.rows for name in row]
             for name in COLUMN.keys() & names:
-                unresisted[rows[is_zero], COLUMN[name]] = True
+                unresisted[at[is_zero], COLUMN[name]] = True
         unresisted[self._points, :] = True
         unresisted[:, COLUMN["N"]] = False
         unresisted[self._idle, :] = True
@@ -159,28 +157,25 @@ class Strength:
         """All conditions on states, each with the cone that bounds its norms."""
         if self.is_internal:
             return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
-        return [(c, s.cone) for s in self.surfaces for c in stated(s, self.contacts)]
+        return [(c, s.cone) for s, c in conditions_of(self.surfaces, self.contacts)]
 
     @cached_property
     def is_cone(self) -> bool:
         """True if no condition has a constant: any multiple of admissible forces is admissible."""
-        has = any(has_constants(condition) for condition, _ in self.conditions)
-        return self.crushing is None and not has
+        conditions = [condition for condition, _ in self.conditions]
+        return self.crushing is None and not has_constants(conditions)
 
     def recession(self) -> tuple[tuple[YieldSurface, ...], Formulation]:
         """Returns surfaces and formulation without their constants: their admissible forces are the
         directions in which those of this strength may grow without end."""
         surfaces = tuple(
-            Recession(s) if any(map(has_constants, stated(s, self.contacts))) else s
-            for s in self.surfaces
+            Recession(s) if has_constants(stated(s, self.contacts)) else s for s in self.surfaces
         )
         return surfaces, recession_of(self.formulation)
 
     def state(self, value: object) -> FloatArray | None:
         """Returns ``value`` as the array of a state; None for None and for numbers not finite."""
-        shape = (
-            (self.model.resultant_map.shape[1],) if self.is_internal else (len(self.contacts), 6)
-        )
+        shape = (self.model.resultant_map.shape[1],) if self.is_internal else (self.model.count, 6)
         return finite(value, shape, "internal force" if self.is_internal else "contact")
 
     def forces(self, state: FloatArray) -> FloatArray:
@@ -191,7 +186,7 @@ class Strength:
         """Returns the yield functions y of a state, as forces, one array per condition; y <= 0 is
         admissible."""
         values = columns(state) if not self.is_internal else self.model.values(state)
-        excess = [condition_excess(c, cone, values) for c, cone in self.conditions]
+        excess = excesses(self.conditions, values)
         rows_without, unresisted = self._unresisted
         if unresisted.any():  # a state without these forces is inside
             pairs = zip(excess, rows_without, strict=True)
@@ -207,7 +202,7 @@ class Strength:
     @cached_property
     def rows(self) -> list[IntArray]:
         """The contact of every entry of :meth:`excess`."""
-        rows = [condition.rows(len(self.contacts)) for condition, _ in self.conditions]
+        rows = [condition.rows(self.model.count) for condition, _ in self.conditions]
         if len(self._points) and not self.is_internal:
             rows.append(self._points)
         if self.crushing is not None:
@@ -230,16 +225,11 @@ class Strength:
     def balanced(self, state: FloatArray, load_factor: float, statics: Statics) -> FloatArray:
         """Returns the state with the least change that balances the loads of ``statics`` at a load
         factor; the state itself where some blocks have no support."""
-        if not self.balance.is_supported:
-            return state
-        if self.balance.held is not None:
-            unresisted = self.balance.held if self.is_internal else self._unresisted[1]
+        balance, is_internal = self.balance, self.is_internal
+        if balance.held is not None and balance.is_supported:
+            unresisted = balance.held if is_internal else self._unresisted[1]
             state = np.where(unresisted, 0.0, state)
-        for _ in range(2):  # the second change removes the rounding of the first
-            residual = statics.residual(self.forces(state), load_factor).ravel()
-            change = self.balance.change(residual)
-            state = state + (change if self.is_internal else self.balance.model.forces(change))
-        return state
+        return balance.balanced(state, load_factor, statics, is_internal)
 
     @cached_property
     def rate_sizes(self) -> FloatArray:

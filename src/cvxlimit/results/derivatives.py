@@ -168,10 +168,9 @@ class Proof:
         )
         result = -(forces * moving).sum(axis=1)
         # The second: multipliers times the excess of each condition.
-        begin = 0
-        for excess, at in StrengthRows(self.surfaces, model).excess(self.internal):
-            np.subtract.at(result, at, self.multipliers[begin : begin + len(excess)] * excess)
-            begin += len(excess)
+        strength = StrengthRows(self.surfaces, model)
+        (excess,) = strength.excess(self.internal)
+        np.subtract.at(result, strength.resistance.contact, self.multipliers * excess)
         return result
 
     def elsewhere(self) -> tuple[bool, Proof]:

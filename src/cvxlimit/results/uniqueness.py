@@ -107,12 +107,11 @@ def _across(
     # Conditions: the normals of those that are met, and of those that slip the normal itself and
     # the directions in which the surface is curved.
     values = strength.norms.matrix @ (internal * unit) + strength.norms.constant
-    for (cone, where, groups), (excess, contact) in zip(
-        strength.conditions, strength.excess(internal * unit), strict=True
-    ):
+    (excess,), contact = strength.excess(internal * unit), strength.resistance.contact
+    for cone, where, groups in strength.conditions:
         moves = multipliers[where] > TOLERANCE * speed
-        for k in np.flatnonzero(moves | (excess >= -TOLERANCE * size)).tolist():
-            j = contact[k]
+        for k in np.flatnonzero(moves | (excess[where] >= -TOLERANCE * size)).tolist():
+            j = contact[where.start + k]
             gradients: list[FloatArray] = [-row(strength.resistance.matrix, where.start + k, j)]
             for group in groups:
                 rows = [part.start + k for part in group]

@@ -16,7 +16,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.program import LimitProgram
-from cvxlimit.model.statement import Stated
+from cvxlimit.model.statement import Stated, admissible
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import reading_of
 from cvxlimit.readings.pressure import Pressure
@@ -24,7 +24,7 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.surfaces import Cone, ParabolicTorsionShear, YieldSurface, utilisation
-from cvxlimit.surfaces.base import admissible, stated
+from cvxlimit.surfaces.base import stated
 from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear, surfaces_named
 
 

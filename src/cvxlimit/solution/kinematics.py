@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import compress
 
 import numpy as np
 
@@ -240,5 +241,5 @@ def sliding_joints(
     every[scene.free] = rates
     visible = VISIBLE * float(corner_speeds(scene, every).max())
     kind, names = contact_motion(scene.contacts, relative, visible).kind, scene.contacts.names
-    sliding = tuple(names[j] for j in np.flatnonzero(kind >= ContactKind.SLIDES))
+    sliding = tuple(compress(names, kind >= ContactKind.SLIDES))
     return sliding, int((kind != ContactKind.CLOSED).sum())

@@ -8,18 +8,19 @@ constraints of the static problem, the flow rule of the kinematic problem
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, ClassVar, TypeAlias
 
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts, least_carried
-from cvxlimit.surfaces.cones import Cone, Conic, Sink
+from cvxlimit.surfaces.cones import Cone, Conic
 
 Coefficient: TypeAlias = "float | FloatArray | cp.Expression"
 LinearForm = Mapping[str, Coefficient]
@@ -40,6 +41,7 @@ class Norm:
     def __init__(self, *rows: LinearForm, weight: Coefficient = 1.0) -> None:
         self.rows = rows
         self.weight = weight
+        self.is_plain = isinstance(weight, (int, float)) and weight == 1
 
     @property
     def weighted_rows(self) -> list[LinearForm]:
@@ -47,11 +49,6 @@ class Norm:
         if self.is_plain:
             return list(self.rows)
         return [{c: product(self.weight, k) for c, k in row.items()} for row in self.rows]
-
-    @property
-    def is_plain(self) -> bool:
-        """True if the weight is one."""
-        return isinstance(self.weight, (int, float)) and self.weight == 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +82,33 @@ class Condition:
     def rows(self, contacts: int) -> IntArray:
         """Contact of each row, among so many contacts."""
         return np.arange(contacts) if self.contact is None else self.contact
+
+    def unresisted(self, contacts: int) -> BoolArray:
+        """In which of its rows nothing resists the forces that norms limit, at present values."""
+        sizes = (np.abs(number(k)) for k in self.resistance.values())
+        return (sum(sizes, np.zeros(len(self.rows(contacts)))) == 0.0) & bool(self.norms)
+
+    def at_present(self) -> tuple[LinearForm, Sequence[LinearForm]]:
+        """The resistance, and all rows of norms times their weights, in numbers at the present
+        values of Parameters."""
+        rows = chain.from_iterable(norm.weighted_rows for norm in self.norms)
+        forms = (self.resistance, *rows)
+        first, *others = ({name: number(k) for name, k in form.items()} for form in forms)
+        return first, others
+
+    def on_faces(self, faces: IntArray) -> Condition:
+        """The condition without its rows at points, which have none but bounds."""
+        if self.contact is not None:
+            return self
+
+        def of(coefficient: Any) -> Any:
+            return coefficient if np.ndim(coefficient) == 0 else coefficient[faces]
+
+        def rows(form: LinearForm) -> LinearForm:
+            return {name: of(c) for name, c in form.items()}
+
+        norms = [Norm(*map(rows, n.rows), weight=of(n.weight)) for n in self.norms]
+        return Condition(norms, rows(self.resistance), faces)
 
     def recession(self) -> Condition:
         """The condition without its constants: the directions in which forces may grow."""
@@ -147,10 +171,7 @@ class YieldSurface(ABC):
 
     def excess(self, forces: FloatArray, contacts: Contacts) -> list[FloatArray]:
         """Yield function y of forces (n, 6), one array per condition; <= 0 is admissible."""
-        values = columns(forces)
-        return [
-            condition_excess(condition, self.cone, values) for condition in stated(self, contacts)
-        ]
+        return excesses([(c, self.cone) for c in stated(self, contacts)], columns(forces))
 
 
 class Recession(YieldSurface):
@@ -169,21 +190,26 @@ class Recession(YieldSurface):
         return [condition.recession() for condition in self.surface.conditions(contacts)]
 
 
-def has_constants(condition: Condition) -> bool:
-    """Returns True if a condition has constants other than zero."""
-    constants = [number(form.get(CONSTANT, 0.0)) for form in condition.forms()]
-    return any(map(np.any, constants))
+def has_constants(conditions: Iterable[Condition]) -> bool:
+    """Returns True if one of the conditions has constants other than zero."""
+    forms = chain.from_iterable(condition.forms() for condition in conditions)
+    return any(np.any(number(form.get(CONSTANT, 0.0))) for form in forms)
 
 
-def stated(
-    surface: YieldSurface, contacts: Contacts, parts: Sequence[str] = ()
-) -> Sequence[Condition]:
-    """Returns a surface's conditions, after checks for what is easily mistyped; ``parts`` are
-    components that it may name besides the six."""
-    conditions = surface.conditions(contacts)
-    for condition in conditions:
-        check_condition(condition, f"surface {surface.name!r}", len(contacts), parts)
-    return conditions
+def conditions_of(
+    surfaces: Iterable[YieldSurface], contacts: Contacts, parts: Sequence[str] = ()
+) -> list[tuple[YieldSurface, Condition]]:
+    """Returns the conditions of several surfaces, after checks for what is easily mistyped;
+    ``parts`` are components that they may name besides the six."""
+    count, result = len(contacts), [(s, c) for s in surfaces for c in s.conditions(contacts)]
+    for surface, condition in result:
+        check_condition(condition, f"surface {surface.name!r}", count, parts)
+    return result
+
+
+def stated(surface: YieldSurface, contacts: Contacts) -> list[Condition]:
+    """Returns one surface's conditions, checked likewise."""
+    return [condition for _, condition in conditions_of([surface], contacts)]
 
 
 def check_condition(
@@ -245,6 +271,13 @@ def columns(forces: FloatArray) -> dict[str, FloatArray]:
     return dict(zip(COLUMN, forces.T, strict=True))
 
 
+def excesses(
+    conditions: Iterable[tuple[Condition, Cone]], values: Mapping[str, FloatArray]
+) -> list[FloatArray]:
+    """Returns :func:`condition_excess` of every condition, with the cone of its norms."""
+    return [condition_excess(condition, cone, values) for condition, cone in conditions]
+
+
 def condition_excess(
     condition: Condition, cone: Cone, values: Mapping[str, FloatArray]
 ) -> FloatArray:
@@ -264,7 +297,9 @@ def evaluate(
     in :class:`Condition`."""
     result = np.zeros(len(values["N"]) if contact is None else len(contact))
     for component, coefficient in form.items():
-        of = 1.0 if component == CONSTANT else _rows(values, component, contact)
+        of = np.ones(1) if component == CONSTANT else values[component]
+        if contact is not None and component in COLUMN:  # others have a row each already
+            of = of[contact]
         result = result + number(coefficient) * of
     return result
 
@@ -311,28 +346,6 @@ def _used(
     return np.where(carries, used, np.nan) / np.where(carries, available, 1.0)
 
 
-def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone: Cone) -> None:
-    """States a condition on force components (n,), which are forms of the sink.
-
-    ``forces`` also holds a :data:`CONSTANT`: the unit in which the components are. Each norm gets
-    an auxiliary bound, which is taken off the resistance, except a last one without a weight: its
-    bound is the rest of the resistance.
-    """
-    contact = condition.contact
-    remaining = express(condition.resistance, forces, contact)
-    norms = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
-    last = norms.pop() if norms and norms[-1].is_plain else None
-    for norm in norms:
-        rows = [express(form, forces, contact) for form in norm.rows]
-        bound = into.new(rows[0].size)
-        cone.epigraph(into, bound, rows)
-        remaining = remaining - times(norm.weight, bound)
-    if last is None:
-        into.nonneg(remaining)
-    else:
-        cone.epigraph(into, remaining, [express(form, forces, contact) for form in last.rows])
-
-
 def number(coefficient: Coefficient) -> float | FloatArray:
     """Returns a coefficient in numbers, at the present values of its Parameters."""
     if isinstance(coefficient, cp.Expression):
@@ -367,39 +380,6 @@ def slip_resistance(contacts: Contacts) -> LinearForm:
     if is_some(contacts.cohesion):
         friction[CONSTANT] = product(contacts.cohesion, contacts.area)
     return friction
-
-
-def express(form: LinearForm, forces: Mapping[str, Any], contact: IntArray | None = None) -> Any:
-    """Returns a linear form of force components, which are arrays or forms of a sink; ``contact``
-    as in :func:`evaluate`."""
-    terms = [
-        times(k, _rows(forces, component, contact))
-        for component, k in form.items()
-        if component != CONSTANT
-    ]
-    # The constant comes last: it may be an expression of CVXPY, which adds no other kind.
-    if CONSTANT in form:
-        terms = terms or [times(0.0, _rows(forces, "N", contact))]
-        terms.append(product(form[CONSTANT], forces[CONSTANT]))
-    return sum(terms[1:], start=terms[0])
-
-
-def times(coefficient: Coefficient, component: Any) -> Any:
-    """Returns a form of a sink times a coefficient, entry by entry."""
-    if isinstance(coefficient, (int, float)):
-        return component if coefficient == 1 else coefficient * component
-    if not isinstance(component, cp.Expression):
-        return component.times(coefficient)
-    # A name for the numbers, so that a printed problem is short.
-    if not isinstance(coefficient, cp.Expression):
-        coefficient = cp.Constant(coefficient, name=f"[{np.size(coefficient)} numbers]")
-    return cp.multiply(coefficient, component)
-
-
-def _rows(values: Mapping[str, Any], name: str, contact: IntArray | None) -> Any:
-    """Returns a component at the contact of each row; other unknowns have a row each already."""
-    value = values[name]
-    return value if contact is None or name not in COLUMN else value[contact]
 
 
 def _plain(form: LinearForm) -> LinearForm:

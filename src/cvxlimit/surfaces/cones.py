@@ -58,17 +58,11 @@ class Cone(ABC):
 
     def epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         """State ``gauge(rows) <= bound``."""
-        if len(rows) == 1:
-            _between(into, bound, rows[0])
-        else:
-            self._epigraph(into, bound, rows)
+        (_between if len(rows) == 1 else self._epigraph)(into, bound, rows)
 
     def polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         """State ``polar_gauge(rows) <= bound``."""
-        if len(rows) == 1:
-            _between(into, bound, rows[0])
-        else:
-            self._polar_epigraph(into, bound, rows)
+        (_between if len(rows) == 1 else self._polar_epigraph)(into, bound, rows)
 
     @abstractmethod
     def _gauge(self, rows: FloatArray) -> FloatArray: ...
@@ -81,6 +75,23 @@ class Cone(ABC):
 
     @abstractmethod
     def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None: ...
+
+
+Bounded = Sequence[tuple[Cone, slice, Sequence[Sequence[slice]]]]
+"""Of conditions that stand one below the other: the cone, the rows of the resistance, and of each
+norm the rows of its components, one slice per component."""
+
+
+def with_gauges(
+    bounded: Bounded, components: Sequence[FloatArray], y: list[FloatArray]
+) -> list[FloatArray]:
+    """Returns ``y`` (k,) of each of some states with the gauges of the norms of every condition
+    added to it in place, from the ``components`` (q,) of all norms."""
+    for of_state, total in zip(components, y, strict=True):
+        for cone, at, norms in bounded:
+            for norm in norms:
+                total[at] += cone.gauge([of_state[rows] for rows in norm])
+    return y
 
 
 @dataclass(frozen=True)
@@ -210,19 +221,19 @@ class Parabola(Cone):
         v1, v2, m = rows
         half = into.new(m.size)
         into.cone(bound - half, [v1, v2, 0.5 * m])
-        _between(into, half, 0.5 * m)
+        _between(into, half, [0.5 * m])
 
     def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
         slip_1, slip_2, twist = rows
         share = into.new(twist.size)
         into.cone(bound, [slip_1, slip_2, 2.0 * share])
-        _between(into, bound, 2.0 * (twist - share))
+        _between(into, bound, [2.0 * (twist - share)])
 
 
-def _between(into: Sink, bound: Any, row: Any) -> None:
-    """States abs(row) <= bound."""
-    into.nonneg(bound - row)
-    into.nonneg(bound + row)
+def _between(into: Sink, bound: Any, rows: Sequence[Any]) -> None:
+    """States abs(row) <= bound of one row."""
+    into.nonneg(bound - rows[0])
+    into.nonneg(bound + rows[0])
 
 
 def parse_cone(name: str) -> Cone:

@@ -29,7 +29,7 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.wedging import with_contacts_of
-from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.formulations import corner_compressions, times
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LargestFactor, Stated
 from cvxlimit.proof.certificate import Certifier
@@ -37,7 +37,7 @@ from cvxlimit.proof.gluing import with_contacts
 from cvxlimit.proof.minorant import minorant
 from cvxlimit.reductions.choice import Reductions, contacts_of, loaded_blocks
 from cvxlimit.solvers import LimitState
-from cvxlimit.surfaces.base import number, stated, times
+from cvxlimit.surfaces.base import number, stated
 from cvxlimit.surfaces.coulomb import strength_key
 
 PATIENCE = 2.0

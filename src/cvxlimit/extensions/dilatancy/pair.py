@@ -39,13 +39,12 @@ from cvxlimit.extensions.dilatancy.tresca import HeldFlow, HeldFormulation, tres
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run
-from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.formulations import corner_compressions, times
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import Reductions, contacts_of
 from cvxlimit.solvers import LimitState, SolverSettings, blockwise, clarabel_at
-from cvxlimit.surfaces.base import times
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
 

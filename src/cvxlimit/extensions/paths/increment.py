@@ -43,7 +43,7 @@ from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.extensions.paths.path import Points
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.formulations import ForceModel, Part
+from cvxlimit.model.formulations import ForceModel, Part, times
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.sinks import gathered
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
@@ -54,7 +54,7 @@ from cvxlimit.solvers import Outcome, SolverSettings, blockwise, settings_for
 from cvxlimit.solvers.matrices import Point
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces import Rocking
-from cvxlimit.surfaces.base import CONSTANT, Condition, Norm, product, times
+from cvxlimit.surfaces.base import CONSTANT, Condition, Norm, product
 
 LADDER = (*blockwise(1e-12), settings_for("CLARABEL", 1e-12))
 

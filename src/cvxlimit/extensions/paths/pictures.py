@@ -46,7 +46,7 @@ def curve(path: Path, **options: Any) -> Any:
     torn = [k - 1 for k, what in enumerate(path.failed) if what]
     if torn:
         at = path.displacement[torn], path.load_factor[torn]
-        chart.axes.plot(*at, "x", color=_DROP, ms=7, label="cohesion or tie gone from there on")
+        chart.axes.plot(*at, "x", color=Style.red, ms=7, label="cohesion or tie gone from there on")
     # The same path with half the step, where it was followed twice to see what steps change.
     if (half_step := path.halved) is not None:
         label = "with half the step"

@@ -23,10 +23,10 @@ from cvxlimit.extensions.interaction.relaxation.upper import priced_disjuncts
 from cvxlimit.extensions.interaction.settings import BRANCH, PROOF
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.model.formulations import times
 from cvxlimit.model.sinks import Rows
 from cvxlimit.readings.pressure import centres
 from cvxlimit.solvers import SolverSettings
-from cvxlimit.surfaces.base import times
 
 
 def tightened_root(

@@ -53,14 +53,13 @@ from cvxlimit.extensions.interaction.relaxation.column_blocks import (
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts, disjunct_arms, sheared
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.formulations import resultants
+from cvxlimit.model.formulations import resultants, times
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.sinks import Constraints, Form, Rows, gathered, stacked
 from cvxlimit.readings.pressure import half_extent
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
 from cvxlimit.solvers.program import ConeProgram
-from cvxlimit.surfaces.base import times
 from cvxlimit.surfaces.coulomb import Rocking
 
 

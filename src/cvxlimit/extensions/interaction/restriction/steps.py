@@ -24,13 +24,13 @@ from cvxlimit.extensions.interaction.states.settings import SUPPORT
 from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.geometry.contacts import COMPONENTS, Contacts
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
+from cvxlimit.model.formulations import ForceModel, Part, corner_compressions, times
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import Stated
 from cvxlimit.readings.moments import Moments
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings
-from cvxlimit.surfaces.base import Condition, LinearForm, Norm, YieldSurface, times
+from cvxlimit.surfaces.base import Condition, LinearForm, Norm, YieldSurface
 from cvxlimit.surfaces.coulomb import Rocking
 
 

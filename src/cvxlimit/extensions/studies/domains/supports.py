@@ -20,6 +20,7 @@ from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import BOUNDLESS, Run, packed
 from cvxlimit.model.assemblage import Reduction
+from cvxlimit.model.formulations import times
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LargestFactor, Stated, largest_self_stress
 from cvxlimit.model.statics import DOF, Scaling
@@ -31,7 +32,6 @@ from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load, combined
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import REFERENCE, Bracket
-from cvxlimit.surfaces.base import times
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
 _MOST_SOLVERS = 3
