@@ -35,7 +35,7 @@ from cvxlimit.io.forms import (
 )
 from cvxlimit.io.results import BOUNDS, FIGURE, MECHANISM, PROVED, RESULT
 from cvxlimit.io.scenes import POINT, SCENE
-from cvxlimit.paths.path import Configuration, Ending, Flow, Points, Work
+from cvxlimit.paths.path import Configuration, Ending, Flow, Points, Work, other_than
 from cvxlimit.paths.path import Path as Displacements
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -87,6 +87,7 @@ CONFIGURATION = record(
         "residual": Key(FIGURE, is_needed=True),
         "iterates": Key(WHOLE, is_needed=True),
         "loss": Key(FIGURE),
+        "is_followed": Key(FLAG, "followed"),
     },
     dict,
 )
@@ -112,20 +113,24 @@ CONTROL = plain(
 
 
 def _path(
-    scene: Scene, initial: Solution, halved: JsonObject | None = None, **given: Any
-) -> Displacements:
+    scene: Scene, initial: Solution, halved: JsonObject | None = None,
+    other_flow: JsonObject | None = None, **given: Any,
+) -> Displacements:  # fmt: skip
     """A path whose parts belong to each other."""
     path = _run(scene, initial, **given)
     for name in ("units", "contact_names", "lumped"):
         own, found = getattr(initial, name), getattr(path.initial, name)
         if own and str(own) != str(found):
             raise InputError(f"{name} of initial must be those of the scene, got {shown(str(own))}")
-    if halved is None:
-        return path
-    with refusals("halved: "):
-        shared = {"flow": path.flow, "control": path.control, "until": path.until}
-        fine = _run(scene, initial, **halved, **shared)  # type: ignore[arg-type]
-    return replace(path, halved=fine)
+    beside = dict[str, Any]()
+    for name, flow, run in (
+        ("halved", path.flow, halved), ("other_flow", other_than(path.flow), other_flow),
+    ):  # fmt: skip
+        if run is not None:
+            with refusals(f"{name}: "):
+                shared = {"flow": flow, "control": path.control, "until": path.until}
+                beside[name] = _run(scene, initial, **run, **shared)  # type: ignore[arg-type]
+    return replace(path, **beside)
 
 
 def _run(
@@ -165,7 +170,7 @@ RUN = {
     "slides": Key(FLAG, "{key}"),
     "notes": Key(listed(TEXT), "{key}"),
 }
-"""What a path has of its own, beside the run with half the step."""
+"""What a path has of its own, beside the runs with half the step and the other flow."""
 
 
 PATH: Document[Displacements] = Document(
@@ -179,7 +184,10 @@ PATH: Document[Displacements] = Document(
             "flow": Key(choice(get_args(Flow)), "{key}"),
             "control": Key(nullable(CONTROL), "{key}"),
             "until": Key(FINITE, "{key}"),
-            "halved": Key(nullable(record(Displacements, RUN, dict)), "{key}"),
+            **{
+                name: Key(nullable(record(Displacements, RUN, dict)), "{key}")
+                for name in ("halved", "other_flow")
+            },
         },
         _path,
     ),

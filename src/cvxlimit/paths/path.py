@@ -37,7 +37,7 @@ CLOSED = 1e-6
 
 LEVEL = 0.1
 """A curve is level where it falls less than a tenth as fast as on the whole way, and a path slides
-away where that lasts for a tenth of the way while a tenth of what joints move by is slip. What
+away where that lasts for a tenth of the way while joints slide by more than they turn. What
 rocks falls at half to twice that pace; what slides is level until a support ends."""
 
 
@@ -76,22 +76,31 @@ class Points:
         """Gap less friction times slip (k,): what a point has to close, opened by its own slip."""
         return np.asarray(self.gap - self.friction * np.linalg.norm(self.slip, axis=1))
 
-    def lost(self, forces: FloatArray) -> float:
-        """What forces (k, 3) lack of friction without dilatancy, a work: compressions across gaps,
-        and friction that does not oppose the whole slip. Never negative, zero for a solution."""
+    def apart(self, flow: Flow) -> FloatArray:
+        """What has to close (k,): gaps, less what slip opens with dilatancy."""
+        return self.distance if flow == "associated" else self.gap
+
+    def lost(self, forces: FloatArray, flow: Flow = "zero-dilatancy") -> float:
+        """What forces (k, 3) lack of friction by the ``flow`` rule, a work: compressions across
+        gaps, and friction that does not oppose the whole slip. Never negative, zero for a
+        solution."""
         n, slid = forces[:, 0], np.linalg.norm(self.slip, axis=1)
-        lost = n * self.gap + self.friction * n * slid + (forces[:, 1:] * self.slip).sum(axis=1)
+        lost = (
+            n * self.apart(flow)
+            + self.friction * n * slid
+            + (forces[:, 1:] * self.slip).sum(axis=1)
+        )
         return float(np.abs(lost).sum())
 
     def closed(self, flow: Flow, least: float) -> Points:
         """Those whose gap, less friction times slip where that is what joints open by, is no more
         than ``least``."""
-        return self.take((self.distance if flow == "associated" else self.gap) <= least)
+        return self.take(self.apart(flow) <= least)
 
-    def bearing_gap(self, forces: FloatArray) -> float:
-        """The widest gap across which forces (k, 3) bear."""
+    def bearing_gap(self, forces: FloatArray, flow: Flow = "zero-dilatancy") -> float:
+        """The widest gap across which forces (k, 3) bear, less what slip opens by the rule."""
         bears = forces[:, 0] > CLOSED * forces[:, 0].max(initial=0.0)
-        return float(self.gap[bears].max(initial=0.0))
+        return float(self.apart(flow)[bears].max(initial=0.0))
 
     def take(self, which: NDArray[Any]) -> Points:
         """Some of the points, by number or by a truth value for each."""
@@ -134,12 +143,18 @@ class Configuration:
     widest_gap : float
         The widest gap, less friction times slip, among points that count as closed.
     residual : float
-        How far the last iterate would still move a point, over the typical contact size.
+        How far the last iterate would still move a point, over the typical contact size; of one
+        that is followed what equilibrium lacks, over the dead load.
     iterates : int
         Iterates that found it.
     loss : float
-        Without dilatancy, what friction lacks of acting against the whole slip of the last step, as
-        a share of the step's work at the first load factor; 0 for a solution.
+        Without dilatancy or followed, what friction lacks of acting against the whole slip of the
+        last step at closed joints, as a share of the step's work at the first load factor; 0 for a
+        solution.
+    is_followed : bool
+        True where no iterates came to rest and an explicit step went on: forces are within
+        friction, equilibrium lacks ``residual`` and friction ``loss``. There is a bracket where
+        joints are closed but for what linearised steps leave.
     """
 
     start: Scene
@@ -153,6 +168,13 @@ class Configuration:
     residual: float = 0.0
     iterates: int = 0
     loss: float = 0.0
+    is_followed: bool = False
+
+    def bearing_gap(self, flow: Flow) -> float:
+        """The gap up to which points count as closed in any case: where blocks slide without
+        opening or are followed, the widest across which forces bear."""
+        is_exact = flow == "associated" and not self.is_followed
+        return 0.0 if is_exact else self.points.bearing_gap(self.forces, flow)
 
     def scene(self) -> Scene:
         """The scene with moved blocks, and point loads that moved with them."""
@@ -193,6 +215,8 @@ class Path:
         Of a path that slides with steps that the package chose: the same with each step in two.
     until : float
         Load factor that was asked for as its end.
+    other_flow : Path or None
+        Of a path with configurations that are followed: the same by the other flow rule.
     """
 
     initial: Solution
@@ -208,6 +232,7 @@ class Path:
     notes: tuple[str, ...] = field(default=())
     halved: Path | None = None
     until: float = 0.0
+    other_flow: Path | None = None
 
     def __len__(self) -> int:
         return len(self.configurations)
@@ -221,7 +246,7 @@ class Path:
     def __repr__(self) -> str:
         first, last = self.load_factor[0], self.load_factor[-1]
         low, high = self.d0_interval
-        both = f", d0 {low:.4g} to {high:.4g} by the step" if low < high else ""
+        both = f", d0 {low:.4g} to {high:.4g} by {self._by}" if low < high else ""
         both = ", slides: no d0" if self.slides_away else both
         return (
             f"Path({self.scene.name!r}: {len(self) - 1} steps, load factor {first:.5g} to "
@@ -290,22 +315,17 @@ class Path:
         """True if the load factor stays level because joints slide: such a path has no d0, since it
         ends where supports were drawn to end."""
         w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
-        # What slides at first and does not turn stays as it is, whatever steps show of it.
-        rates, dilatancy = (
-            np.array([*(self.initial.mechanism or {}).values()]),
-            self.initial.dilatancy,
-        )
-        if len(rates) and dilatancy is not None and dilatancy.share > LEVEL:
-            shift, turn = (np.linalg.norm(rates[:, k : k + 3], axis=1).max() for k in (0, 3))
-            still = turn * self.scene.contacts.typical_size <= VISIBLE * shift
-            if still and alpha.max() <= (1.0 + LEVEL) * alpha[0]:
-                return True
+        if (
+            slides_at_first(self.initial, self.scene.contacts.typical_size)
+            and alpha.max() <= (1.0 + LEVEL) * alpha[0]
+        ):
+            return True
         if not self.slides or not self._last:
             return False
         slip, turn = self._moved.T
         least = max(LEVEL * (alpha[0] - alpha[-1]), SLIDING * abs(alpha[0])) / w[-1]
-        is_level = -np.diff(alpha) < least * np.diff(w)
-        return bool(np.diff(w)[is_level & (slip > LEVEL * (slip + turn))].sum() > LEVEL * w[-1])
+        is_level = np.abs(np.diff(alpha)) < least * np.diff(w)
+        return bool(np.diff(w)[is_level & (slip > turn)].sum() > LEVEL * w[-1])
 
     @cached_property
     def sliding_joints(self) -> dict[str, float]:
@@ -317,6 +337,25 @@ class Path:
                 found[name] = found.get(name, 0.0) + far
         order = sorted(found, key=lambda name: -found[name])
         return {name: found[name] for name in order if found[name] > LEVEL * found[order[0]] > 0.0}
+
+    @property
+    def followed(self) -> str:
+        """How many configurations are followed and what these lack, in words; empty of none."""
+        found = [each for each in self if each.is_followed]
+        if not found:
+            return ""
+        bare = sum(each.bracket is None for each in found)
+        return (
+            f"{len(found)} of {len(self)} configurations are followed by explicit steps, since no "
+            f"iterates came to rest: equilibrium lacks up to {max(x.residual for x in found):.0e} "
+            "of the dead load, and d0 and load factors are an interval over step and flow"
+            + f"; no bracket is proved for {bare} of them"
+            * bool(bare)
+        )
+
+    @property
+    def _by(self) -> str:
+        return "step and flow" if self.followed else "the step"
 
     @property
     def headline(self) -> str:
@@ -341,7 +380,9 @@ class Path:
             return f"{end}: blocks rock, and no joint slides from step to step"
         return (
             f"{end}, and {100.0 * self.slip_share:.0f} % of the displacement in joints is slip "
-            f"({which}): it depends on the step, and is no bound"
+            f"({which}): it depends on {self._by}, and is no bound"
+            + f"; {self.followed}"
+            * bool(self.followed)
         )
 
     @property
@@ -369,10 +410,10 @@ class Path:
 
     @property
     def d0_interval(self) -> tuple[float, float]:
-        """``d0`` with the step and with half of it, the smaller first: the same twice where
-        only one has a ``d0``, NaN where none has."""
-        both = self.d0, (self if self.halved is None else self.halved).d0
-        return float(np.fmin(*both)), float(np.fmax(*both))
+        """The least and the largest ``d0`` with the step, with half of it, and where blocks are
+        followed by the other flow rule; NaN where none has one."""
+        found = [self.d0, *(run.d0 for run in (self.halved, self.other_flow) if run is not None)]
+        return float(np.fmin.reduce(found)), float(np.fmax.reduce(found))
 
     @property
     def pieces(self) -> tuple[tuple[int, int], ...]:
@@ -424,6 +465,22 @@ class Path:
     def to_dataframe(self) -> Any:
         """One row for each configuration, as a pandas DataFrame."""
         return attached("path_table")(self)
+
+
+def other_than(flow: Flow) -> Flow:
+    """Returns the other flow rule."""
+    return "zero-dilatancy" if flow == "associated" else "associated"
+
+
+def slides_at_first(initial: Solution, size: float) -> bool:
+    """Returns whether all that the mechanism at rest does is slide: it stays so, whatever steps
+    show of it; turns count by the typical contact ``size``."""
+    rates, dilatancy = initial.mechanism or {}, initial.dilatancy
+    if not rates or dilatancy is None or dilatancy.share <= LEVEL:
+        return False
+    each = np.array([*rates.values()])
+    shift, turn = (np.linalg.norm(each[:, k : k + 3], axis=1).max() for k in (0, 3))
+    return bool(turn * size <= VISIBLE * shift)
 
 
 def rotation(vector: FloatArray) -> FloatArray:

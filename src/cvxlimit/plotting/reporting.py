@@ -312,6 +312,7 @@ def _path(path: Path) -> Rows:
     which = "the path of this model: joints rock and do not slide"
     if path.slides:
         limit = "an upper limit" if path.flow == "associated" else "one of several possible paths"
+        limit = "an interval over step and flow" if path.followed else limit
         which = f"{limit}: joints slide on the way, so that the curve depends on the step"
     yield "in words", which
     first, last = (f"{path.load_factor[k]:.5g}" for k in (0, -1))
