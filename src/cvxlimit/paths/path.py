@@ -21,7 +21,7 @@ from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import VISIBLE
 
 Flow = Literal["associated", "zero-dilatancy"]
-Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted"]
+Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted", "slides"]
 
 PROVES = "a bracket proves what its configuration carries, not that the structure gets there"
 """What every table and picture of a path says."""
@@ -198,7 +198,8 @@ class Path:
     status : str
         ``"zero"`` where the load factor asked for (0) is reached; ``"falls"`` where no equilibrium
         follows; ``"blocked"`` where nothing can move on; ``"steps"`` where the number of steps ran
-        out; ``"not-converged"``; ``"interrupted"``.
+        out; ``"slides"`` where explicit steps are level for the contact size; ``"not-converged"``;
+        ``"interrupted"``.
     reason : str
         The same in a sentence, with the names of blocks.
     flow : str
@@ -376,13 +377,12 @@ class Path:
             end = f"no d0: it ends at a load factor of {self.load_factor[-1]:.4g}"
         if len(self) == 1:
             return end
+        followed = f"; {self.followed}" * bool(self.followed)
         if not self.slides:
-            return f"{end}: blocks rock, and no joint slides from step to step"
+            return f"{end}: blocks rock, and no joint slides from step to step{followed}"
         return (
             f"{end}, and {100.0 * self.slip_share:.0f} % of the displacement in joints is slip "
-            f"({which}): it depends on {self._by}, and is no bound"
-            + f"; {self.followed}"
-            * bool(self.followed)
+            f"({which}): it depends on {self._by}, and is no bound{followed}"
         )
 
     @property

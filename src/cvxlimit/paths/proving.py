@@ -85,6 +85,8 @@ def _configuration_checks(path: Path, which: str) -> Iterator[Check]:
             said += f"; {len(followed)} are followed and lack up to {lacks:.0e} of it"
         yield Check(said, True)
     yield from _course_checks(walk, path, which)
+    if path[0].loss > SLIDING:
+        yield unseen(f"loss at rest{which}", f"{path[0].loss:.1e}")
     if path.work is None:
         yield Check(f"area and potential{which}", False, "there are none")
     else:
@@ -177,7 +179,7 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     points = start.points(pose)
     n, friction = here.forces[:, 0], np.linalg.norm(here.forces[:, 1:], axis=1)
     is_strange = ~_are_among(here.points, points, size)
-    if (n[is_strange] > SLACK * n.max(initial=0.0)).any():
+    if (n[is_strange] > CLOSED * n.max(initial=0.0)).any():
         yield "points", "some that bear are none of the blocks as they are displaced"
 
     # Equilibrium of every free block. Forces (n, v1, v2) are compression and friction along t1 and
@@ -197,13 +199,13 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     if not excess <= RESIDUAL * dead_load:
         yield "friction", f"forces exceed it by {excess / dead_load:.1e} of the dead load"
 
-    has_loss = i > 0 and (path.flow != "associated" or here.is_followed)
+    has_loss = path.flow != "associated" or here.is_followed
     if not has_loss and here.loss > SLIDING:
         yield f"loss {here.loss:.1e}", "there is none"
 
     # Without dilatancy friction opposes the slip of the last step, but for the loss that is told: a
     # share of the live load's work on that step at the first load factor.
-    if has_loss:
+    if has_loss and i > 0:
         way = here.w - path[i - 1].w
         loss = here.points.lost(here.forces, path.flow) / (
             way * loads.size * abs(path[0].load_factor)

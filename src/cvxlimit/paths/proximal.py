@@ -19,6 +19,7 @@ come to rest: a path goes on here where iterates do not settle.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -160,10 +161,12 @@ def _interleaved(*parts: FloatArray) -> FloatArray:
     return np.stack(parts, axis=1).ravel()
 
 
-def go_on(walk: Walk, until: float) -> tuple[Ending, str] | None:
+def go_on(walk: Walk, until: float, slides_away: Callable[[], bool]) -> tuple[Ending, str] | None:
     """Goes on by explicit steps from the end of a path until it ends otherwise, and returns how and
-    why; None where rest is found again, which is sought after one, two, four steps, and so on."""
+    why; None where rest is found again, which is sought after one, two, four steps, and so on. At
+    the same steps it is asked whether the path ``slides_away``, from the contact size on."""
     size, steps, here = walk.size, 0, walk.found[-1]
+    first = here.shown.w
     before = walk.found[-2] if walk.found[1:] else here
     way = here.shown.w - before.shown.w or walk.step
     pose, begin = here.pose, walk.start(here)
@@ -190,6 +193,8 @@ def go_on(walk: Walk, until: float) -> tuple[Ending, str] | None:
             return "zero", f"the load factor comes down to {until:g} where blocks are followed"
         steps += 1
         if not steps & (steps - 1):
+            if w - first > size and slides_away():
+                return "slides", "joints slide at a level load factor"
             rest = walk.settle(there, 2.0 * w - here.shown.w)
             if isinstance(rest, At) and _goes_on(walk, here, there, rest):
                 walk.keep(rest)

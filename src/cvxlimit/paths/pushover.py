@@ -13,7 +13,7 @@ from cvxlimit.base.checks import count, is_number, positive
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.solving import solve
 from cvxlimit.paths.following import REACH, Walk
-from cvxlimit.paths.path import Flow, Path, other_than, slides_at_first
+from cvxlimit.paths.path import Ending, Flow, Path, other_than, slides_at_first
 from cvxlimit.paths.proximal import go_on
 from cvxlimit.paths.refusing import checked_control, refuse, refuse_answer
 from cvxlimit.scene import Scene
@@ -143,6 +143,15 @@ def pushover(
             if begin[-1].load_factor - until <= walk.enough(walk.found[-1]):
                 return begin
         longest = begin.step if begin is not None and len(begin) > 1 else 0.0
+
+        def made(status: Ending, reason: str) -> Path:
+            slides = any(x.slides for x in walk.found)
+            return Path(
+                initial, tuple(x.shown for x in walk.found), status, reason, rule,
+                max(walk.step, longest), tuple(walk.snaps), walk.work(), slides, about,
+                (SLIDES[rule],) if slides else (), until=float(until),
+            )  # fmt: skip
+
         try:
             ending = walk.walk(step, float(until), marks)
             # Where iterates do not settle explicit steps go on, until they do again. What slides
@@ -150,10 +159,11 @@ def pushover(
             unsettled, is_at_end = {"not-converged"}, slides_at_first(initial, walk.size)
             while ending[0] in unsettled and walk.found and not is_at_end:
                 longest, unsettled = max(longest, walk.step), {"not-converged", "falls"}
-                end = go_on(walk, float(until))
+                end = go_on(walk, float(until), lambda: made("slides", "").slides_away)
                 is_at_end = end is not None
                 if end is None:
                     ending = walk.walk(step, float(until), marks)
+                    walk.step = max(walk.step, longest)
                 elif any(x.shown.is_followed for x in walk.found):
                     ending = end
         except KeyboardInterrupt:
@@ -162,16 +172,11 @@ def pushover(
             ending = "interrupted", "interrupted: what was found until then"
         if certify == "last":
             walk.found[-1] = walk.proved(walk.found[-1])
-        slides = any(x.slides for x in walk.found)
-        return Path(
-            initial, tuple(x.shown for x in walk.found), *ending, rule, max(walk.step, longest),
-            tuple(walk.snaps), walk.work(), slides, about, (SLIDES[rule],) if slides else (),
-            until=float(until),
-        )  # fmt: skip
+        return made(*ending)
 
     path = replace(follow(step, begin), halved=None, other_flow=None)
     if path.slides_away:  # smaller steps lead to the same end of a support
-        is_there = path.status in ("zero", "falls", "blocked", "not-converged")
+        is_there = path.status in ("zero", "falls", "blocked", "slides", "not-converged")
         return replace(path, reason=path.headline if is_there else path.reason)
     if path.followed and path.status != "interrupted":
         rule = other_than(kind)
