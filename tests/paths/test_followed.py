@@ -24,7 +24,7 @@ def path() -> Iterator[Path]:
         patch.setattr(
             Walk, "settle", lambda self, _, w: Failed(w, "not-converged", np.ones(len(self.radius)))
         )
-        yield pushover(builtin_scene("single-block"))
+        yield pushover(builtin_scene("single-block"), halvings=0)
 
 
 def test_explicit_steps_alone_follow_a_block_to_its_closed_form(path: Path) -> None:
@@ -85,8 +85,11 @@ def test_files_of_what_is_followed_are_proved_again(path: Path, tmp_path: Any) -
     ],
 )
 def test_forces_that_lack_more_than_is_told_are_not_proved(path: Path, change, claim) -> None:
-    made = [replace(each, **(change if i == 3 else {})) for i, each in enumerate(path)]
-    found = prove(replace(path, configurations=tuple(made), other_flow=None)).missing
+    made = tuple(
+        replace(each, **(change if i == 3 else {}))
+        for i, each in enumerate(path.configurations[:4])
+    )
+    found = prove(replace(path, configurations=made, other_flow=None)).missing
     assert claim in {check.claim.split()[0] for check in found}
 
 
