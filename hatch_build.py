@@ -1,7 +1,7 @@
 """The compiled part, and the README as a package index can show it; Hatchling calls both when it
 builds.
 
-What is written in C in ``src/cvxlimit/solvers`` becomes extensions for the stable interface of
+What is written in C (:data:`SOURCES`) becomes extensions for the stable interface of
 Python 3.11, built by setuptools. Without a C compiler, or for ``CVXLIMIT_COMPILED=no``, the package
 is built without them: other solvers then do the same, in more time.
 
@@ -81,8 +81,7 @@ def on_an_index(text: str, address: str = "") -> str:
     return LINK.sub(rf"[\1]({base}/\2)", PICTURE.sub(rf"![\1]({base}/\2)", text))
 
 
-SOLVERS = "cvxlimit/solvers"
-SOURCES = ("cholesky.c", "interior.c")
+SOURCES = ("cvxlimit/solvers/cholesky.c", "cvxlimit/extensions/blockcone/interior.c")
 FLAGS = {"unix": ["-O3", "-g0", "-fno-math-errno"], "msvc": ["/O2", "/std:c11"]}
 STABLE = "0x030B0000"  # Python 3.11
 
@@ -98,7 +97,9 @@ class Compiled(BuildHookInterface[Any]):
             return
         self._room = tempfile.TemporaryDirectory()
         for source in SOURCES:
-            path = Path(self.root) / "src" / SOLVERS / source
+            path = Path(self.root) / "src" / source
+            if not path.exists():  # of an extension that is left out
+                continue
             built = compiled(path, Path(self._room.name))
             if built is None:
                 self.app.display_warning(f"{source} could not be compiled: slower ways do the same")
@@ -107,7 +108,7 @@ class Compiled(BuildHookInterface[Any]):
                 beside.unlink(missing_ok=True)  # a process may hold the one before
                 beside.write_bytes(built.read_bytes())
             else:
-                place = Path(SOLVERS, source).with_name(built.name).as_posix()
+                place = Path(source).with_name(built.name).as_posix()
                 build_data["force_include"][str(built)] = place
                 platform = re.sub(r"[-.]", "_", sysconfig.get_platform())
                 build_data |= {"pure_python": False, "tag": f"cp311-abi3-{platform}"}
@@ -120,11 +121,13 @@ def compiled(source: Path, folder: Path, flags: Sequence[str] = ()) -> Path | No
     from setuptools.errors import BaseError, CCompilerError
 
     name = f"_{source.stem}"
-    solvers = next(path for path in source.parents if path.name == "solvers")
-    digest = runpy.run_path(str(solvers / "sources.py"))["digest"](solvers)
+    package = next(path for path in source.parents if path.name == "cvxlimit")
+    solvers = package / "solvers"  # which has the headers
+    digest = runpy.run_path(str(solvers / "sources.py"))["digest"](source)
     extension = Extension(
         name,
         [str(source)],
+        include_dirs=[str(solvers)],
         define_macros=[("Py_LIMITED_API", STABLE), ("SOURCES", f'"{digest}"')],
         extra_compile_args=[*FLAGS["msvc" if sys.platform == "win32" else "unix"], *flags],
         extra_link_args=[*flags],

@@ -15,8 +15,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from cvxlimit.compare.models import Method, Row
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.compare.models import Method, Row
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene, Units
 

@@ -12,8 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from cvxlimit.base.files import write_file
-from cvxlimit.compare.chart import draw_time_against_error, few_ticks
-from cvxlimit.compare.models import Row
+from cvxlimit.extensions.compare.chart import draw_time_against_error, few_ticks
+from cvxlimit.extensions.compare.models import Row
 from cvxlimit.plotting.chart import label_lines
 
 __all__ = ["few_ticks", "figure_of", "name_lines", "save", "stacked", "top_legend"]

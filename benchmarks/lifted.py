@@ -52,10 +52,10 @@ from scipy.sparse.linalg import lsmr
 
 from cvxlimit.base.arrays import EPSILON, BoolArray, FloatArray, IntArray
 from cvxlimit.base.checks import count, not_negative
+from cvxlimit.extensions.dilatancy.least_thrust import LeastThrust
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.dilatancy.least_thrust import LeastThrust
 from cvxlimit.methods.driver import Run
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.minorant import minorant
 from cvxlimit.reductions.choice import Reductions

@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from cvxlimit.base.extras import needed
-from cvxlimit.compare.comparison import run_here
-from cvxlimit.compare.models import Method, Row
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.compare.comparison import run_here
+from cvxlimit.extensions.compare.models import Method, Row
 from cvxlimit.masonry import single_block
 from cvxlimit.scene import Scene
 

@@ -6,9 +6,18 @@ nothing else are tried on forty random examples, others in every run.
 """
 
 import os
+import re
+from collections.abc import Generator
+from functools import cache
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from cvxlimit import extensions
+from cvxlimit.errors import InputError, ModelError
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -25,3 +34,48 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for mark in item.iter_markers("exhaustive_cases"):
             if getattr(item, "callspec").id in mark.args:  # noqa: B009
                 item.add_marker("exhaustive")
+
+
+WHOLE = (
+    "blockcone", "compare", "dilatancy", "dynamics", "importing", "interaction", "paths", "studies",
+)  # fmt: skip
+MISSING = {*WHOLE} - {module.name for module in iter_modules(extensions.__path__)}
+"""Extensions that are left out; the core's tests pass without any of them."""
+
+_KIT = Path(__file__).with_name("kit")
+_STUB = Path(extensions.__file__).parents[1].joinpath("__init__.pyi").read_text("utf-8")
+_PUBLIC = {
+    name: home
+    for home, name in re.findall(r"^from \.extensions\.(\w+)\S* import (\w+)", _STUB, re.M)
+}
+"""The extension that each public name is of, where it is of one."""
+
+
+@cache
+def _needed(path: Path) -> frozenset[str]:
+    """Extensions that a file of tests imports, itself or through what tests share."""
+    text = path.read_text("utf-8")
+    own = re.findall(r"\bcvxlimit\.(?:extensions\.)?(\w+)", text)
+    for names in re.findall(r"^from cvxlimit import (\([^)]*\)|.*)$", text, re.M):
+        own += [_PUBLIC[name] for name in re.findall(r"\w+", names) if name in _PUBLIC]
+    shared = re.findall(r"^(?:from|import) (\w+)", text, re.M)
+    kit = [_needed(_KIT / f"{name}.py") for name in shared if (_KIT / f"{name}.py").exists()]
+    return frozenset({*own} & {*WHOLE}).union(*kit)
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Files that cannot be imported without what is left out."""
+    is_test = collection_path.suffix == ".py" and collection_path.name.startswith("test_")
+    return True if MISSING and is_test and _needed(collection_path) & MISSING else None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, Any, Any]:
+    """A test that asks for what is left out, and is told so in a sentence, is left out as well."""
+    try:
+        return (yield)
+    except (ImportError, ModelError, InputError, AttributeError) as error:
+        told = "not part of this|must be one of|cvxlimit.extensions.|has no attribute|no solver"
+        if MISSING and re.search(told, str(error)):
+            pytest.skip(f"without {', '.join(MISSING)}: {error}")
+        raise

@@ -23,7 +23,7 @@ from benchmarks.scenes import scene_of
 from cvxlimit import LimitProblem, Scene, solve
 from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.readings.named import parse_moments
-from cvxlimit.readings.states.pressure import Pressure
+from cvxlimit.readings.pressure import Pressure
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Conic
 

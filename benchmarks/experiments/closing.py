@@ -28,12 +28,12 @@ from benchmarks.experiment import Head, Lines, Part, Title, experiment
 from benchmarks.rows import Rows
 from benchmarks.scenes import drums, irregular_wall, prisms
 from cvxlimit import Scene
-from cvxlimit.methods.certified import Certified
+from cvxlimit.extensions.interaction.certified import Certified
+from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
+from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBounds
+from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.methods.driver import Run, Steps, drive
-from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.restriction.lower_bound import LowerBounds
-from cvxlimit.readings.states.pressure import Pressure
-from cvxlimit.readings.states.support import half_extent
+from cvxlimit.readings.pressure import Pressure, half_extent
 from cvxlimit.solvers import settings_for
 
 FloatArray = NDArray[np.float64]
@@ -163,7 +163,7 @@ def better(run: Run, tries: int, seed: int = 0) -> float:
         moved = rng.random(len(contacts)) < rng.choice([0.1, 0.3, 1.0])
         step = _SPREADS[number % len(_SPREADS)] * rng.uniform(-1.0, 1.0, centre.shape)
         centre = np.clip(centre + step * moved[:, None], -1.0, 1.0)
-        state = problem.solve(run.moments.safe_disjuncts(contacts, centre), settings)
+        state = problem.solve(states_of(run.moments).safe_disjuncts(contacts, centre), settings)
         if state.forces is None or state.load_factor is None or state.load_factor <= best:
             continue
         bound = checker.of(state.forces, state.load_factor)

@@ -10,10 +10,10 @@ from benchmarks.experiment import Head, Lines, Part, Title, experiment
 from benchmarks.lifted import Lifted, lifted_bound
 from benchmarks.random_walls import planar, retaining
 from cvxlimit import Block, Load, Scene, Solution, builtin_scene, solve
+from cvxlimit.extensions.dilatancy.gilbert import Gilbert
+from cvxlimit.extensions.dilatancy.least_thrust import lower_bound
+from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.masonry import running_bond, wall
-from cvxlimit.methods.dilatancy.gilbert import Gilbert
-from cvxlimit.methods.dilatancy.least_thrust import lower_bound
-from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Run
 
 PLANE = ("ferris-tin-loi-1", "ferris-tin-loi-2", "ferris-tin-loi-3")

@@ -77,7 +77,7 @@ def domains(
 ) -> Lines:  # fmt: skip
     """Solves and CPU seconds until load domains under pushes are closed to a tolerance."""
     yield Head("scene", "gap", "solves", "pairs at best", "points", "rays", "half-spaces", "CPU s",
-               "in single solves", "status")  # fmt: skip
+               "CPU s in single solves", "status")  # fmt: skip
     for name in scenes:
         start = time.process_time()
         solve(builtin_scene(name))

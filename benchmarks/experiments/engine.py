@@ -18,9 +18,9 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.experiment import Head, Lines, Part, experiment
 from cvxlimit import Scene, builtin_scene
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.extensions.blockcone.interior import Point, Program, Result, minimised, order_of
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.solvers import Blockwise, settings_for
-from cvxlimit.solvers.interior import Point, Program, Result, minimised, order_of
 from cvxlimit.surfaces.coulomb import surfaces_of
 
 SCENES = (

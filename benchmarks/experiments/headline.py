@@ -10,8 +10,8 @@ from benchmarks.experiment import Head, Lines, Part, Title, experiment
 from benchmarks.machine import fitted_exponent
 from benchmarks.runs import Limits, run_apart
 from benchmarks.scenes import panel_of, scene_of
-from cvxlimit.compare.comparison import side_by_side
-from cvxlimit.compare.models import Model, Row
+from cvxlimit.extensions.compare.comparison import side_by_side
+from cvxlimit.extensions.compare.models import Model, Row
 from cvxlimit.solution.bracket import Bracket
 
 OURS = Model("cvxlimit/1e-6", "cvxlimit", tolerance=1e-6)

@@ -24,8 +24,8 @@ from benchmarks.rows import Row, Rows
 from benchmarks.scenes import scene_of as by_name
 from cvxlimit import Scene, solve
 from cvxlimit.errors import CvxlimitError
+from cvxlimit.extensions.interaction.certified import Certified
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.methods.certified import Certified
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import MOMENTS, Paper

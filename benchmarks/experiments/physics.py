@@ -15,11 +15,11 @@ from matplotlib.lines import Line2D
 from benchmarks.charts import few_ticks, figure_of, name_lines, save, top_legend
 from benchmarks.experiment import Head, Lines, Part, experiment
 from cvxlimit import Scene, Solution, builtin_scene, solve
-from cvxlimit.compare.models import Method, Model, Row
-from cvxlimit.compare.registry import registry
+from cvxlimit.extensions.compare.models import Method, Model, Row
+from cvxlimit.extensions.compare.registry import registry
+from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.surfaces.exact_torsion import Edges, limit_states
 

@@ -23,7 +23,7 @@ from benchmarks.charts import figure_of, save, top_legend
 from benchmarks.experiment import Head, Lines, Part, experiment
 from benchmarks.scenes import irregular_wall
 from cvxlimit import Scene, solve
-from cvxlimit.methods.certified import Certified
+from cvxlimit.extensions.interaction.certified import Certified
 from cvxlimit.solution.bracket import Bracket
 
 MOST = 10.0

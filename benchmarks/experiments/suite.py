@@ -1,7 +1,7 @@
 """Time against true error: many methods on a scene, every run in a process of its own.
 
-Methods are those of :mod:`cvxlimit.compare.registry`, and what a user would write without the
-package (:mod:`benchmarks.baselines`).
+Methods are those of :mod:`cvxlimit.extensions.compare.registry`, and what a user would write
+without the package (:mod:`benchmarks.baselines`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from benchmarks.experiment import Head, Lines, Part, experiment
 from benchmarks.machine import environment
 from benchmarks.runs import Limits, run_apart
 from benchmarks.scenes import scene_of
-from cvxlimit.compare.comparison import side_by_side
-from cvxlimit.compare.models import Row
-from cvxlimit.compare.registry import choose, registry
+from cvxlimit.extensions.compare.comparison import side_by_side
+from cvxlimit.extensions.compare.models import Row
+from cvxlimit.extensions.compare.registry import choose, registry
 
 REFERENCE_SECONDS = 1200.0
 """For a reference, without which there are no errors."""

@@ -21,8 +21,8 @@ from benchmarks.stability.families.sample import FALLS
 from benchmarks.stability.outcomes import ROUNDING, Outcome, claim_of, reference_of
 from benchmarks.stability.truths import arm, rocking
 from cvxlimit.errors import CvxlimitError
-from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
+from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
+from cvxlimit.extensions.interaction.certified import Certified
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.formulations import resultants, vertex_forces
 from cvxlimit.scene import Scene

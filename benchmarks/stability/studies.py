@@ -24,7 +24,7 @@ from benchmarks.stability.outcomes import (
 )
 from benchmarks.stability.truths import linear_bounds
 from cvxlimit.errors import CvxlimitError
-from cvxlimit.methods.certified import Certified
+from cvxlimit.extensions.interaction.certified import Certified
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.formulations import vertex_forces
 from cvxlimit.scene import Scene

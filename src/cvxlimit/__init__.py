@@ -4,35 +4,31 @@ A scene goes in; a load factor with a bracket recomputed outside the solver, con
 collapse mechanism come out. Start with :func:`solve` and :func:`builtin_scene`.
 
 A module is loaded when a name of it is first asked for: CVXPY and SciPy take a second, during which
-the command line must be able to answer Ctrl-C. Public names are the lines of ``__init__.pyi``.
+the command line must be able to answer Ctrl-C. Public names are the lines of ``__init__.pyi``; what
+the core and its extensions offer at their doors is known from here on.
 """
 
-import pathlib
-import re
 import sys
-from importlib import import_module
 from typing import Any
 
-from cvxlimit.base.versions import __version__
+import lazy_loader
 
-_STUB = pathlib.Path(__file__).with_suffix(".pyi").read_text("utf-8")
-_HOME = {
-    name: module for module, name in re.findall(r"^from (\S+) import (\w+) as \w+$", _STUB, re.M)
-}
-"""The module that each public name is in."""
+from cvxlimit.base.doors import offer
+from cvxlimit.base.versions import __version__ as __version__
+from cvxlimit.extensions import tables
+from cvxlimit.offered import OFFERED
 
-__all__ = ["__version__", *(name for name in _HOME if name != "__version__")]
+for _table in (OFFERED, *tables()):
+    offer(_table)
+
+_found, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in __all__:
         reason = f"module 'cvxlimit' has no attribute {name!r}"
         raise AttributeError(reason, name=name, obj=sys.modules[__name__])  # did you mean ...?
-    home = _HOME[name]
-    found = import_module(f"{home}.{name}" if home == "cvxlimit" else home)
-    value = found if home == "cvxlimit" else getattr(found, name)
-    globals()[name] = value
-    return value
+    return _found(name)
 
 
 def __dir__() -> list[str]:

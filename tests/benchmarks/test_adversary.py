@@ -21,11 +21,11 @@ from benchmarks.experiments.closing import FAMILIES
 from numpy.typing import NDArray
 
 from cvxlimit import Scene, solve
-from cvxlimit.methods.certified import Certified
+from cvxlimit.extensions.interaction.certified import Certified
+from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.readings.named import parse_moments
-from cvxlimit.readings.states.pressure import Pressure, effective_arm
+from cvxlimit.readings.pressure import Pressure, effective_arm
 from cvxlimit.solvers import default_ladder
 from helpers import hand_equilibrium, interaction_excess
 

@@ -15,10 +15,10 @@ from benchmarks.experiments.dome import least_thickness
 from benchmarks.scenes import NUMBERED, scene_of
 
 from cvxlimit import builtin_scene
-from cvxlimit.compare.comparison import row_of
-from cvxlimit.compare.models import Row
-from cvxlimit.compare.registry import registry
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.compare.comparison import row_of
+from cvxlimit.extensions.compare.models import Row
+from cvxlimit.extensions.compare.registry import registry
 from cvxlimit.masonry import arch
 from cvxlimit.model.statics import Statics
 

@@ -47,9 +47,10 @@ FROM_TESTS = {
     "3.11": "the least version of Python, pyproject.toml",
     "1.85": "torsion with all friction at the corners, tests/whole/test_users_code.py",
     "0.38260": "c_T of a unit square, (sqrt(2) + asinh(1)) / 6",
-    "1.0464 0.5107": "Newmark's slips in m, tests/dynamics/test_shaking.py",
-    "1.0643": "Housner's fourth impact in s, tests/dynamics/test_shaking.py",
-    "0.475 0.480 0.485 9.81": "what topples a slender block, in g; tests/dynamics/test_shaking.py",
+    "1.0464 0.5107": "Newmark's slips in m, tests/extensions/dynamics/test_shaking.py",
+    "1.0643": "Housner's fourth impact in s, tests/extensions/dynamics/test_shaking.py",
+    "0.475 0.480 0.485 9.81": "what topples a slender block, in g; "
+    "tests/extensions/dynamics/test_shaking.py",
 }
 """Figures of pages that something else holds."""
 

@@ -15,10 +15,10 @@ from benchmarks.lifted import (
 
 from cvxlimit import Load, Scene, ZeroDilatancy, builtin_scene, solve
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.dilatancy.least_thrust import lower_bound
 from cvxlimit.masonry import running_bond, wall
-from cvxlimit.methods.dilatancy.least_thrust import lower_bound
 from cvxlimit.methods.driver import Run
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Member
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES

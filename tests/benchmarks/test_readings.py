@@ -8,8 +8,8 @@ from benchmarks.stability.families import sample, samples
 
 from cvxlimit import Load, Scene, Solution, Status, solve
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.interaction.certified import Certified
 from cvxlimit.masonry.walls import random_wall
-from cvxlimit.methods.certified import Certified
 
 pytestmark = pytest.mark.exhaustive
 

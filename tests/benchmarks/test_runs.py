@@ -16,9 +16,9 @@ from benchmarks.rows import Rows
 from benchmarks.runs import Limits, Stopped, apart, run_apart
 
 from cvxlimit import builtin_scene
-from cvxlimit.compare.models import Method, Model, Row
-from cvxlimit.compare.registry import registry
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.compare.models import Method, Model, Row
+from cvxlimit.extensions.compare.registry import registry
 from cvxlimit.model.formulations import resultants
 from exhaustive import slow
 

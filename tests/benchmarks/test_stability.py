@@ -28,8 +28,8 @@ from benchmarks.stability.studies import STUDIES
 from benchmarks.stability.truths import Line, arm, closed_form, linear_bounds
 
 from cvxlimit import Block, Certifier, FixedPoint, Load, Scene, builtin_scene, solve
+from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.masonry import random_wall, single_block
-from cvxlimit.readings.flow import InteractionFlow
 from cvxlimit.readings.named import MOMENTS, parse_moments
 from cvxlimit.solution import Status
 from cvxlimit.solvers import blockwise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import configparser
 import importlib.util
 import re
 import tomllib
@@ -26,6 +27,7 @@ README, CONTRIBUTING, ADDITIONS, SYMBOLS, CHANGELOG = (
 )
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 SEAMS = ("surface", "scene", "file format", "solver", "formulation", "outer loop")
+ANOTHER = ROOT / "tests" / "kit" / "another"
 
 
 def fenced(text: str, language: str = "python") -> list[str]:
@@ -49,7 +51,17 @@ def test_one_example_per_seam_checks_its_answer(seam: str) -> None:
 
 def test_no_example_is_left_out() -> None:
     titles = re.findall(r"^## An? (.*)$", ADDITIONS, re.MULTILINE)
-    assert sorted(titles) == sorted(SEAMS)
+    assert sorted(titles) == sorted([*SEAMS, "package of your own"])
+
+
+def test_the_package_of_ones_own_is_the_one_that_runs() -> None:
+    """Its code and its entry points are those of ``tests/base/test_doors.py``."""
+    text = section(ADDITIONS, "package of your own")
+    assert fenced(text) == [(ANOTHER / "cvxlimit_another.py").read_text("utf-8")]
+    stated = tomllib.loads(fenced(text, "toml")[0])["project"]["entry-points"]
+    points = configparser.ConfigParser()
+    points.read(ANOTHER / "cvxlimit_another-1.0.dist-info" / "entry_points.txt")
+    assert stated == {group: dict(points[group]) for group in points.sections()}
 
 
 def exists(name: str) -> bool:

@@ -314,7 +314,7 @@ def test_the_command_line_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_another_kind_is_refused() -> None:
-    with pytest.raises(InputError, match="kind must be 'scene', 'result' or 'path'"):
+    with pytest.raises(InputError, match="kind must be one of 'scene', 'result'"):
         json_schema("wall")
 
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene
+from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import effective_regions, mean_distance
 from cvxlimit.masonry import single_block, stack
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.solvers import default_ladder
 from helpers import hand_equilibrium, interaction_excess

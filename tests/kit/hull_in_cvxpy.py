@@ -1,7 +1,7 @@
 """The convex hull of contacts' states once more, written in CVXPY: the second path to one answer.
 
-The package states it to a sink (:mod:`cvxlimit.methods.interaction.relaxation.hull`); formulas are
-those of :mod:`cvxlimit.readings.states.disjuncts`.
+The package states it to a sink (:mod:`cvxlimit.extensions.interaction.relaxation.hull`); formulas
+are those of :mod:`cvxlimit.extensions.interaction.states.disjuncts`.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts, disjunct_arms, sheared
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
-from cvxlimit.readings.states.disjuncts import Disjuncts, disjunct_arms, sheared
-from cvxlimit.readings.states.support import half_extent
+from cvxlimit.readings.pressure import half_extent
 from cvxlimit.solvers import LimitState, SolverSettings, run
 
 FloatArray = NDArray[np.float64]

@@ -31,7 +31,7 @@ class KinematicProblem:
     ----------
     scene : Scene
     surfaces : sequence of YieldSurface
-        As for :class:`~cvxlimit.model.problem.LimitProgram`.
+        As for :class:`~cvxlimit.model.program.LimitProgram`.
     """
 
     def __init__(self, scene: Scene, surfaces: Sequence[YieldSurface] = DEFAULT_SURFACES) -> None:

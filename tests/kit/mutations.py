@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from cvxlimit import Status
 from cvxlimit.errors import CvxlimitError
-from cvxlimit.paths.path import Ending
+from cvxlimit.extensions.paths.path import Ending
 from cvxlimit.studies import Proof
 
 Place = tuple[str | int, ...]

@@ -15,7 +15,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Clock, Method, Run, Steps, drive
 from cvxlimit.methods.fixed_point import cycles
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface

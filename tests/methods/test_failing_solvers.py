@@ -38,7 +38,7 @@ def nobody_solves(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object, **__: object) -> Outcome:
         return Outcome(NOWHERE, 0.0, 0.0)
 
-    monkeypatch.setattr("cvxlimit.model.problem.run", broken)
+    monkeypatch.setattr("cvxlimit.model.program.run", broken)
     program = "cvxlimit.solvers.program.ConeProgram.solve"
     monkeypatch.setattr(program, lambda *_, **__: (broken(), None, None))
 

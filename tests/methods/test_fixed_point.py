@@ -11,6 +11,7 @@ import pytest
 
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.extensions.blockcone.interior import Point
 from cvxlimit.io.results import result_from_dict, result_to_dict
 from cvxlimit.masonry.walls import random_wall
 from cvxlimit.methods.fixed_point import FixedPoint, LeastForces, cycles
@@ -19,7 +20,7 @@ from cvxlimit.model.sinks import Rows
 from cvxlimit.plotting.look import title
 from cvxlimit.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.readings.named import parse_moments
-from cvxlimit.readings.states.pressure import Pressure
+from cvxlimit.readings.pressure import Pressure
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solvers import (
     SolverSettings,
@@ -30,7 +31,6 @@ from cvxlimit.solvers import (
     run,
     settings_for,
 )
-from cvxlimit.solvers.interior import Point
 from cvxlimit.surfaces import Cone, Conic, Facets
 from helpers import COMPILED
 from rows import assert_same_rows

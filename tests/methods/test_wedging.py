@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 
 from cvxlimit import Block, Load, Scene, Solution, Status, prove, solve
+from cvxlimit.base import doors
 from cvxlimit.cli.main import run
 from cvxlimit.io import read_result, write_result, write_scene
 from cvxlimit.masonry import arch
 from cvxlimit.plotting import picture_of, title
 from exhaustive import mostly_slow, slow
 from helpers import hand_equilibrium, yield_excess
+
+pytest.importorskip("cvxlimit.extensions.dilatancy")  # which knows loads without a limit
 
 NEAR = 1e-4
 """How near a member is to the closed form: the power that it may lack, 1e-6, is of second order in
@@ -228,7 +231,7 @@ def test_rows_between_walls(cubes: int, surface: str) -> None:
 
 def test_an_extension_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """What needs no friction is still proved, and nothing else is said."""
-    monkeypatch.setattr("cvxlimit.conveniences.PLACES", {})
+    monkeypatch.delitem(doors._PLACES["cvxlimit.readings"], "without_dilatancy", raising=False)
     assert slides_at(solve(clamped())) is None
     assert solve(keystone((0, 0, -1))).status is Status.LIVE_LOAD_HARMLESS
     assert solve(pushed(30.0)).status is Status.UNBOUNDED

@@ -12,11 +12,15 @@ from hypothesis import given, settings
 
 from cvxlimit import Scene, builtin_scene
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
+from cvxlimit.extensions.interaction.restriction.pressed import PressedProblem
+from cvxlimit.extensions.interaction.restriction.steps import SafeStep
+from cvxlimit.extensions.interaction.states.majorants import Point
+from cvxlimit.extensions.interaction.states.states import states_of
+from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry.builtin import BUILTIN
-from cvxlimit.methods.frozen import FrozenProblem, PressedProblem
-from cvxlimit.methods.interaction.relaxation.hull import HullProblem
-from cvxlimit.methods.interaction.restriction.steps import SafeStep
+from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.crushing import PlasticField
 from cvxlimit.model.formulations import (
@@ -26,15 +30,13 @@ from cvxlimit.model.formulations import (
     vertex_forces,
 )
 from cvxlimit.model.point_friction import PointFriction, at_corners
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.sinks import Constraints
 from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.named import parse_moments
-from cvxlimit.readings.states.majorants import Point
-from cvxlimit.readings.states.support import whole_boxes
-from cvxlimit.readings.utilisation import LeastUse
 from cvxlimit.reductions.choice import Reductions
+from cvxlimit.results.utilisation import LeastUse
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Condition, Conic, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.cones import Cone, Facets, Sink
@@ -139,9 +141,13 @@ def test_hulls_with_disjuncts_of_all_kinds(name: str, moments: str, price: float
     problem, contacts, random = HullProblem(scene), scene.contacts, np.random.default_rng(2)
     every, boxes = np.arange(len(contacts)), whole_boxes(contacts)
     centre = random.uniform(-0.9, 0.9, (len(contacts), 2))
-    disjuncts = reading.box_disjuncts(contacts).joined(
-        reading.disjuncts_at(contacts, every, centre, boxes),
-        reading.safe_disjuncts(contacts, centre, 0.1),
+    disjuncts = (
+        states_of(reading)
+        .box_disjuncts(contacts)
+        .joined(
+            states_of(reading).disjuncts_at(contacts, every, centre, boxes),
+            states_of(reading).safe_disjuncts(contacts, centre, 0.1),
+        )
     )
     own = problem.program(problem.columns(disjuncts, price), price)
     goal = problem.stated(disjuncts, into := Constraints(), price)

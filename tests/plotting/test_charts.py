@@ -14,9 +14,9 @@ from tests.kit.pictures import assert_legible
 
 from cvxlimit import Block, Load, Scene
 from cvxlimit.compare import Comparison
-from cvxlimit.compare.models import Row
-from cvxlimit.compare.registry import registry
 from cvxlimit.errors import InputError
+from cvxlimit.extensions.compare.models import Row
+from cvxlimit.extensions.compare.registry import registry
 from cvxlimit.plotting.chart import spread
 from cvxlimit.studies import LoadDomain, compare_domains, load_domain
 

@@ -16,9 +16,9 @@ from PIL import Image
 from tests.kit.browser import HEIGHTS, RIGHT, UP, VIEWS, Browser, browser
 
 from cvxlimit import Block, Load, PointForce, Scene, Status, builtin_scene, plotting, solve
-from cvxlimit.plotting.domains import domain_page
-from cvxlimit.plotting.movement import moved_by, points_moved
+from cvxlimit.extensions.studies.domains.pictures import domain_page
 from cvxlimit.plotting.picture import drawn_mesh
+from cvxlimit.results.movement import moved_by, points_moved
 from cvxlimit.scene.loads import combined
 from cvxlimit.studies import load_domain
 from turning import ANGLES, turning, wall

@@ -19,11 +19,11 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.plotting import PICTURES, Drawing, camera_for, drawing, picture, registry
 from cvxlimit.plotting.drawing import SceneFigure
 from cvxlimit.plotting.look import KIND_COLOURS, THINNEST, rgb, used_colour
-from cvxlimit.plotting.movement import motion
 from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.plotting.pictures.forces import FAINTEST, thrust_lines
 from cvxlimit.plotting.pictures.utilisation import IDLE_COLOUR
 from cvxlimit.plotting.sheet import Letters, columns_of, measured
+from cvxlimit.results.movement import motion
 from cvxlimit.solution.kinematics import ContactKind
 
 KINDS = tuple(kind for kind in PICTURES if kind not in ("animation", "page"))
@@ -297,7 +297,7 @@ class TestAnimation:
 
 PLAIN = """
 from cvxlimit.plotting.contents import Drawing, camera_for
-from cvxlimit.plotting.movement import still
+from cvxlimit.results.movement import still
 from cvxlimit.plotting.registry import picture
 
 @picture

@@ -27,9 +27,9 @@ from cvxlimit.plotting import ContactKind, Drawing, figure, motion, page, plot, 
 from cvxlimit.plotting.annotations import Marking
 from cvxlimit.plotting.camera import camera_from, default_camera
 from cvxlimit.plotting.look import KIND_COLOURS, KIND_TEXTS, rgb
-from cvxlimit.plotting.movement import DEFORMATION, LARGEST_ROTATION, free_size
 from cvxlimit.plotting.picture import cropped, drawn_mesh, seen
 from cvxlimit.plotting.visible import Faces
+from cvxlimit.results.movement import DEFORMATION, LARGEST_ROTATION, free_size
 from cvxlimit.scene import Load, Scene, Units
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import Bracket

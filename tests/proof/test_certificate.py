@@ -29,7 +29,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, single_block, stack
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import ForceModel, corner_compressions
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statics import Scaling
 from cvxlimit.solvers import LimitState, SolverSettings
 from cvxlimit.surfaces import Condition, Facets, Norm, Rocking, TorsionShear

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, assume, given, reject, settings
 
 from cvxlimit import Scene, builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.solvers import LimitState, default_ladder
 from cvxlimit.surfaces import Sliding, Torsion
 from cvxlimit.surfaces.coulomb import Rocking, surfaces_of

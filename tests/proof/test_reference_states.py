@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from cvxlimit import Block, Certifier, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.masonry import panel, running_bond, single_block, wall
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.gluing import with_contacts

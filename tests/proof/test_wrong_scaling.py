@@ -17,7 +17,7 @@ import pytest
 from cvxlimit import Certifier, Scene, solve
 from cvxlimit.masonry import panel
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statics import Scaling
 from cvxlimit.solvers import LimitState, SolverSettings
 

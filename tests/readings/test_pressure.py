@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from cvxlimit import Block, Load, Scene
+from cvxlimit.extensions.interaction.restriction.lower_bound import rocking_excess
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.methods.interaction.restriction.lower_bound import rocking_excess
-from cvxlimit.readings.states.pressure import Pressure, effective_arm
+from cvxlimit.readings.pressure import Pressure, effective_arm
 from helpers import interaction_excess
 
 FloatArray = NDArray[np.float64]

@@ -16,7 +16,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.io import read_result, write_result
 from cvxlimit.masonry import arch, barrel_vault, panel, running_bond, single_block, stack, wall
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.gluing import with_contacts
 from cvxlimit.reductions import choice, planar

@@ -11,9 +11,9 @@ import pytest
 from cvxlimit import Block, Load, Scene, Solution, builtin_scene, settlement, solve
 from cvxlimit.cli.main import run
 from cvxlimit.cli.report import show, summary
+from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.io import write_scene
 from cvxlimit.masonry.walls import stack
-from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.plotting import reporting
 from cvxlimit.solution.bracket import Bracket

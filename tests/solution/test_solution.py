@@ -14,7 +14,7 @@ import pytest
 from cvxlimit import Block, Contacts, Load, Scene, Solution, solve
 from cvxlimit.errors import InputError
 from cvxlimit.io import read_result, write_result
-from cvxlimit.readings.utilisation import utilisations
+from cvxlimit.results.utilisation import utilisations
 from cvxlimit.surfaces import Condition, Facets, Norm, Rocking, Sliding, Torsion, YieldSurface
 
 SHARE = 0.5

@@ -19,7 +19,7 @@ from cvxlimit import Block, Load, Scene, Solution, Status, Units, builtin_scene,
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import arch, running_bond, single_block, stack, wall
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.solution import Iterate
 from cvxlimit.solvers import (
     SOLVERS,
@@ -545,7 +545,7 @@ def test_where_nothing_is_compiled_the_best_installed_solver_leads(
 ) -> None:
     """On the 888 contacts of S12, whose numbers these are, and on 16,000."""
     here = frozenset({"CLARABEL", *(["QOCO"] if has_qoco else [])})
-    monkeypatch.setattr("cvxlimit.solvers.ladders.UNBUILT", {"BLOCKWISE"})
+    monkeypatch.setattr("cvxlimit.solvers.ladders.SOLVERS", {n: SOLVERS[n] for n in here})
     monkeypatch.setattr("cvxlimit.solvers.ladders.installed", lambda: here)
     for shape in (Shape(7105, 1884, 888, 5328), Shape(128_000, 40_000, 16_000, 96_000)):
         names = [rung.name for rung in limit_ladder(shape)]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.sparse.linalg import splu
 
 from cvxlimit.base.arrays import IntArray
-from cvxlimit.solvers.extensions import CHOLESKY
+from cvxlimit.solvers.compiled import CHOLESKY
 from cvxlimit.solvers.sparse import Supernodal, factorised, minimum_degree, nested_dissection
 
 ORDERS = (minimum_degree, nested_dissection)

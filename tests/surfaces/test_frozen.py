@@ -8,7 +8,7 @@ import pytest
 from cvxlimit import Contacts
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.masonry.walls import random_wall
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Condition, Cone, Conic, Facets, Rocking
 from cvxlimit.surfaces.base import condition_excess, evaluate

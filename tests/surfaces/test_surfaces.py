@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 from cvxlimit import Contacts, Load, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block, stack
-from cvxlimit.model.door import LimitProblem
 from cvxlimit.model.formulations import corner_compressions, resultants
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.sinks import Constraints
+from cvxlimit.problem.problem import LimitProblem
 from cvxlimit.surfaces import (
     Condition,
     Cone,

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 
-from cvxlimit import conveniences
-from cvxlimit.conveniences import PLACES
+from cvxlimit import extensions
+from cvxlimit.base.doors import loaded
+from cvxlimit.offered import OFFERED
 
 SOURCE = Path(__file__).parents[2] / "src" / "cvxlimit"
 
@@ -27,19 +30,26 @@ LAYERS = (
     {"reductions"},
     {"readings"},
     {"methods"},
-    {"paths"},
-    {"io", "plotting"},
-    {"compare", "dynamics", "studies"},
-    {"cli", "conveniences"},
+    {"problem"},
+    {"results"},
+    {"io"},
+    {"plotting", "proving"},
+    {"cli"},
+    {"extensions"},
+    {"compare", "studies"},
+    {"offered"},
     {"__init__", "__main__"},
 )
-"""Rooms, lowest first: each sees lower ones only. Give a new one its place."""
+"""Rooms, lowest first: each sees lower ones only. Give a new one its place. All below
+``extensions`` are the core; ``compare`` and ``studies`` are names that users know extensions by."""
+
+CORE = {name for names in LAYERS[: [*LAYERS].index({"extensions"})] for name in names}
 
 OUTSIDE = {"errors", "base", "geometry", "scene", "solution"}
-"""All that files and pictures see besides themselves, and ``paths.path``; pictures also see how
-much of their strength contacts use, as surfaces and readings of Eq. 30 have it."""
+"""All that files and pictures see besides themselves; pictures also see what is read off
+solutions, and which scene a result is of."""
 
-OWN_PICKLES = {"studies.rows"}
+OWN_PICKLES = {"extensions.studies.rows"}
 """Pickles that never leave the program: tasks for its own processes."""
 
 
@@ -141,41 +151,56 @@ def test_no_circle_among_the_files_and_folders_of_a_folder(folder: str) -> None:
 @pytest.mark.parametrize("name", [n for n in NAMES if n.split(".")[0] in ("io", "plotting")])
 def test_files_and_pictures_see_scenes_and_solutions_only(name: str) -> None:
     own = name.split(".")[0]
-    allowed = OUTSIDE | {own} | ({"readings"} if own == "plotting" else set())
-    seen = {m.split(".")[0] for m in imported(name) if m != "paths.path"}
+    allowed = OUTSIDE | {own} | ({"results"} if own == "plotting" else set())
+    seen = {m.split(".")[0] for m in imported(name) if m != "io.scenes"}
     assert seen <= allowed, f"{name} imports {sorted(seen - allowed)}"
 
 
-def loaded_by_name() -> dict[str, set[str]]:
-    """Modules with an ``import_module``, and what of its argument is written out."""
-    return {
-        name: {
-            ast.unparse(node.args[0])
-            for node in found_in(name)
-            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module")
-        }
-        for name in NAMES
-        if "import_module" in NAMES[name].read_text("utf-8")
-    }
+def extension_of(module: str) -> str:
+    """The extension that a module is in; empty for one of the core."""
+    room, _, rest = module.partition(".")
+    return rest.split(".")[0] if room == "extensions" else ""
 
 
-def test_what_is_imported_by_name_hides_no_arrow() -> None:
-    """Besides libraries of others, and each room's own modules, there is one such place: methods
-    ask for conveniences, which are above all that they call."""
-    upward = {
-        (name, what)
-        for name, found in loaded_by_name().items()
-        for what in found
-        if what.startswith(("'cvxlimit.", "f'cvxlimit."))
-        and not what.removeprefix("f").startswith(f"'cvxlimit.{name.split('.')[0]}.")
+def mentioned(name: str) -> set[str]:
+    """What a module imports, wherever in its text, or names in a string that could be imported."""
+    tree = ast.parse(NAMES[name].read_text("utf-8"))
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    told = {id(n.body[0].value) for n in ast.walk(tree) if isinstance(n, documented) and n.body
+            and isinstance(n.body[0], ast.Expr)}  # fmt: skip
+    texts = {
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in told
     }
-    assert upward == {
-        ("base.attached", "'cvxlimit.conveniences'"),
-        ("conveniences", "f'cvxlimit.{module}'"),
-    }
-    places = {module for module, _ in PLACES.values()}
-    assert places <= {name.removesuffix(".__init__") for name in NAMES}
-    assert all(callable(getattr(conveniences, name)) for name in PLACES)
+    places = re.findall(r"\bcvxlimit\.([\w.]+)", "\n".join(texts))
+    return {*imported(name), *places}
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n.split(".")[0] in CORE])
+def test_the_core_imports_no_extension(name: str) -> None:
+    others = {m for m in mentioned(name) if extension_of(m) or m in ("compare", "studies")}
+    assert not others, f"{name} knows {others}: put a door between"
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if extension_of(n)])
+def test_no_extension_imports_another(name: str) -> None:
+    own = extension_of(name)
+    others = {m for m in mentioned(name) if extension_of(m) not in ("", own)}
+    assert not others, f"{name} knows {others}, of another extension: go through the core"
+
+
+def test_what_is_offered_is_there() -> None:
+    """Every table names what can be loaded, and what an extension offers is its own."""
+    for group, places in OFFERED.items():
+        for name, place in places.items():
+            assert loaded(place) is not None, (group, name)
+            assert not extension_of(place.removeprefix("cvxlimit."))
+    for table, folder in zip(extensions.tables(), iter_modules(extensions.__path__), strict=True):
+        for group, places in table.items():
+            for name, place in places.items():
+                assert loaded(place) is not None, (group, name)
+                assert extension_of(place.removeprefix("cvxlimit.")) == folder.name
 
 
 def test_the_map_is_complete() -> None:

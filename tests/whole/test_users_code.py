@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 import cvxlimit
 from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.interaction.relaxation.upper import UpperBound
 from cvxlimit.model.formulations import ForceModel, Part, vertex_forces
 from cvxlimit.readings.moments import SIGNED
 from cvxlimit.solution import Status

@@ -22,10 +22,10 @@ from cvxlimit.cli.options import (
 from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.io.geometry.export import EXPORTS, export
+from cvxlimit.io.exporting import EXPORTS, export
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import known

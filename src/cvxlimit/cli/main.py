@@ -23,19 +23,10 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.text import Text
 
+from cvxlimit.base.doors import Door
 from cvxlimit.base.versions import __version__
-from cvxlimit.cli.comparing import compare_command
-from cvxlimit.cli.crossing import envelope_command
-from cvxlimit.cli.domains import domain_command
-from cvxlimit.cli.exporting import export_command, export_scene_command
-from cvxlimit.cli.following import pushover_command
-from cvxlimit.cli.importing import import_command
 from cvxlimit.cli.options import Job
-from cvxlimit.cli.proving import prove_command
 from cvxlimit.cli.report import ExitCode, listing, refuse, show
-from cvxlimit.cli.shaking import shake_command
-from cvxlimit.cli.solving import explain_command, settle_command, show_command, solve_command
-from cvxlimit.cli.sweeping import sweep_command
 from cvxlimit.errors import CvxlimitError, InputError, ModelError, NoAnswerError
 from cvxlimit.io import json_schema
 from cvxlimit.masonry import BUILTIN
@@ -80,45 +71,9 @@ def _scenes_command(
     return partial(_list, schema)
 
 
-for _name, _command, _epilog in (
-    (
-        "solve", solve_command,
-        "Exit code: 0 solved; 2 bad input; 3 no answer exists; 4 not converged or not certified.",
-    ),
-    ("explain", explain_command, None),
-    ("import", import_command, None),
-    ("show", show_command, None),
-    ("settle", settle_command, None),
-    (
-        "sweep", sweep_command,
-        "Exit code: 0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not "
-        "solved and kept as rows.",
-    ),
-    (
-        "pushover", pushover_command,
-        "Exit code: 0 the path ends; 2 bad input; 3 no answer exists; 4 it was broken off, or a "
-        "bracket is wider than 1e-5.",
-    ),
-    (
-        "envelope", envelope_command,
-        "Exit code: 0 all positions solved; 2 bad input; 3 none has an answer; 4 some have none, "
-        "or are not certified.",
-    ),
-    ("compare", compare_command, None),
-    (
-        "shake", shake_command,
-        "Exit code: 0 all runs agree that it falls, or that it stands; 2 bad input; 4 they do not "
-        "agree, or blocks still move at the end.",
-    ),
-    ("export", export_scene_command, None),
-    ("export-problem", export_command, None),
-    ("domain", domain_command, None),
-    (
-        "prove", prove_command,
-        "Exit code: 0 all that is claimed is proved; 2 bad input; 4 something is not proved.",
-    ),
-):  # fmt: skip
-    app.command(_name, epilog=_epilog)(_command)
+COMMANDS = Door("cvxlimit.commands")
+for _name in COMMANDS:
+    app.command(_name, epilog=getattr(COMMANDS[_name], "epilog", None))(COMMANDS[_name])
 
 
 def main() -> NoReturn:
@@ -164,6 +119,9 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _dispatch(arguments: list[str]) -> int:
+    name = arguments[0]
+    if not name.startswith("-") and name not in _known() and name in COMMANDS:
+        app.command(name)(COMMANDS[name])  # of another distribution
     command: Any = typer.main.get_command(app)
     try:
         job = command.main(args=arguments, prog_name="cvxlimit", standalone_mode=False)
@@ -188,8 +146,11 @@ def _given(error: Exception, arguments: Sequence[str]) -> str:
 
 
 def _helped(arguments: Sequence[str]) -> str:
-    known = [command.name for command in app.registered_commands]
-    return f"{arguments[0]} " if arguments[0] in known else ""
+    return f"{arguments[0]} " if arguments[0] in _known() else ""
+
+
+def _known() -> list[str | None]:
+    return [command.name for command in app.registered_commands]
 
 
 def _internal(error: Exception) -> ExitCode:

@@ -89,9 +89,11 @@ def _with_voice(work: Job, verbose: bool, quiet: bool) -> Job:
     return job
 
 
-def command_of(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., Job]]:
+def command_of(
+    record: type[R], epilog: str | None = None
+) -> Callable[[Callable[[R], int]], Callable[..., Job]]:
     """Decorator: a function of one such record becomes a Typer command with an option or argument
-    for each of its fields.
+    for each of its fields; ``epilog`` ends its help.
 
     Typer takes parameters from the signature and the help from the docstring, which are therefore
     put together here. The command does not do the work but returns it as a job, which ``main`` runs
@@ -114,6 +116,7 @@ def command_of(record: type[R]) -> Callable[[Callable[[R], int]], Callable[..., 
 
         command.__signature__ = Signature([*parameters, *_VERBOSITY])  # type: ignore[attr-defined]
         command.__doc__ = work.__doc__
+        command.epilog = epilog  # type: ignore[attr-defined]
         return command
 
     return decorate
@@ -191,3 +194,13 @@ def numbers(option: str, text: str, example: str) -> Sequence[float]:
     if len(found) != wanted:
         raise InputError(f"{option} {text}: {wanted} numbers are meant, as in {example}")
     return found
+
+
+def named_block(text: str | None) -> tuple[str, tuple[float, ...]] | None:
+    """Block and direction of ``--control``."""
+    if text is None:
+        return None
+    block, colon, direction = text.rpartition(":")
+    if not (block and colon):
+        raise InputError(f"--control {text}: BLOCK:X,Y,Z is meant, as in b17:0,1,0")
+    return block, vector(f"--control {block}", direction, "b17:0,1,0")

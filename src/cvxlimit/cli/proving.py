@@ -13,7 +13,7 @@ from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
-from cvxlimit.studies import prove
+from cvxlimit.proving.prove import prove
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,10 @@ class Claimed:
     )
 
 
-@command_of(Claimed)
+@command_of(
+    Claimed,
+    "Exit code: 0 all that is claimed is proved; 2 bad input; 4 something is not proved.",
+)
 def prove_command(asked: Claimed) -> ExitCode:
     """Prove a result, a load domain, a path or a sweep again from the forces and mechanisms that it
     holds; numbers that were changed are not proved."""

@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from enum import IntEnum
@@ -62,7 +62,7 @@ def refuse(code: ExitCode, message: str) -> ExitCode:
 
 
 def check_outputs(
-    outputs: Mapping[str, Path | None], inputs: Mapping[str, str], **kinds: Sequence[str]
+    outputs: Mapping[str, Path | None], inputs: Mapping[str, str], **kinds: Collection[str]
 ) -> None:
     """Refuse output files, given by option, that cannot be written, are taken, or end wrongly.
 

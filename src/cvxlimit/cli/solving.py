@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ import typer
 from rich.text import Text
 
 from cvxlimit.base.checks import meant
+from cvxlimit.base.doors import Door
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import (
     EFFORT,
@@ -49,13 +50,10 @@ from cvxlimit.cli.report import (
 )
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import export, read_scene, write_result
+from cvxlimit.io.exporting import EXPORTS
 from cvxlimit.io.fields import encoded, one_line
-from cvxlimit.io.geometry.export import EXPORTS
-from cvxlimit.io.geometry.importing import READERS
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
-from cvxlimit.methods.certified import Certified
-from cvxlimit.methods.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE
@@ -86,7 +84,9 @@ def scene_named(name: str) -> Scene:
         return builtin_scene(name)
     looks_like_file = Path(name).suffix or Path(name).name != name
     if looks_like_file or os.path.exists(name):
-        if Path(name).suffix.lower() in {*READERS} - {".json"} and os.path.isfile(name):
+        if Path(name).suffix.lower() in {*Door("cvxlimit.readers")} - {".json"} and os.path.isfile(
+            name
+        ):
             raise InputError(f"{name}: this is geometry: cvxlimit import makes a scene of it")
         return read_scene(name)
     cure = meant(name, BUILTIN, "cvxlimit scenes lists the built-in ones")
@@ -111,7 +111,7 @@ class Files:
         inputs = {} if scene in BUILTIN else {scene: "the scene"}
         outputs = {"--json": None if self.is_piped else self.json, "--export": self.export}
         outputs["--report"] = self.report
-        kinds: dict[str, Sequence[str]] = {"export": EXPORTS, "report": (".html",)}
+        kinds: dict[str, Collection[str]] = {"export": EXPORTS, "report": (".html",)}
         for number, (kind, path) in enumerate(self.pictures):
             name = "plot" if kind == "mechanism" else f"plot {kind}:"
             name += "" if f"--{name}" not in outputs else f" ({number + 1})"
@@ -263,24 +263,28 @@ class Order:
         efforts = {name: getattr(self, name) for name in ("searches", "budget", "seed")}
         chosen = {name: value for name, value in efforts.items() if value is not None}
         if chosen:
-            if self.method != ZeroDilatancy.name:
+            if self.method != "zero-dilatancy":
                 named = " and ".join(f"--{name}" for name in chosen)
-                raise ModelError(f"{named} goes with --method {ZeroDilatancy.name}")
-            return {**given, "method": ZeroDilatancy(**chosen)}
+                raise ModelError(f"{named} goes with --method zero-dilatancy")
+            return {**given, "method": TABLE[self.method](**chosen)}
         if self.branching_seconds is None and self.workers == 1:
             return given
-        if self.method != Certified.name:
+        if self.method != "certified":
             raise ModelError("--branching-seconds and --workers go with --method certified")
         if self.workers > 1 and self.branching_seconds == 0.0:
             raise ModelError(
                 f"--workers {self.workers} does nothing without branch and bound: give "
                 "--branching-seconds S above 0, or leave that out"
             )
-        asked = Certified(branching_seconds=self.branching_seconds, workers=self.workers)
+        own: Any = {"branching_seconds": self.branching_seconds, "workers": self.workers}
+        asked = TABLE[self.method](**own)
         return {**given, "method": asked}
 
 
-@command_of(Order)
+@command_of(
+    Order,
+    "Exit code: 0 solved; 2 bad input; 3 no answer exists; 4 not converged or not certified.",
+)
 def solve_command(order: Order) -> ExitCode:
     """Find the collapse load factor of a scene, with a bracket recomputed outside the solver."""
     files = Files(order.json, order.plot, order.export, order.report, order.without_dilatancy)
@@ -394,7 +398,7 @@ def explain_command(asked: Question) -> ExitCode:
     model: Any = asked.model
     found = interruptible(lambda tell: explain(scene_named(asked.scene), surface, model=model))
     title, *lines = str(found).splitlines()
-    answers = [f"{name}: {row.method.answers}" for name, row in TABLE.items()]
+    answers = [f"{name}: {method.answers}" for name, method in TABLE.items()]
     show(Text("\n".join([one_line(title), *lines, "", *answers])))
     return ExitCode.SOLVED
 

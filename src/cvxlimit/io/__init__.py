@@ -8,13 +8,11 @@ other programs is read by :func:`import_geometry`. What cannot be read is refuse
 
 from typing import Any
 
+from cvxlimit.base.doors import Door
 from cvxlimit.errors import InputError
-from cvxlimit.io.geometry.export import export
-from cvxlimit.io.geometry.importing import Imported, import_geometry, read_bodies
-from cvxlimit.io.paths import PATH, read_path, write_path
-from cvxlimit.io.results import RESULT, read_result, result_from_dict, result_to_dict, write_result
+from cvxlimit.io.exporting import export
+from cvxlimit.io.results import read_result, result_from_dict, result_to_dict, write_result
 from cvxlimit.io.scenes import (
-    SCENE,
     read_scene,
     scene_digest,
     scene_from_dict,
@@ -64,7 +62,15 @@ def json_schema(kind: str = "scene") -> dict[str, Any]:
     >>> json_schema()["required"]
     ['format', 'version', 'blocks', 'supports', 'friction', 'loads']
     """
-    for document in (SCENE, RESULT, PATH):
-        if document.kind == kind:
-            return document.schema
-    raise InputError(f"kind must be 'scene', 'result' or 'path', got {kind!r}")
+    documents = Door("cvxlimit.documents")
+    if kind not in documents:
+        known = ", ".join(map(repr, documents))
+        raise InputError(f"kind must be one of {known}, got {kind!r}")
+    schema: dict[str, Any] = documents[kind].schema
+    return schema
+
+
+def __getattr__(name: str) -> Any:
+    if (found := Door("cvxlimit.files").get(name)) is not None:  # of an extension
+        return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

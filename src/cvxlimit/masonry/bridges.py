@@ -218,7 +218,7 @@ def bridge(
         Of joints, and between rings (as in other joints, unless given).
     compressive_strength : float
     live : Load, optional
-        The weights along x, unless given; :func:`~cvxlimit.road_load` makes a load on the road.
+        The weights along x, unless given; :class:`~cvxlimit.Road` makes a load on the road.
 
     Raises
     ------

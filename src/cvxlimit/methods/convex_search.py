@@ -21,7 +21,6 @@ from cvxpy.settings import OPTIMAL_INACCURATE
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.checks import RESIDUAL
 from cvxlimit.methods.driver import Run, Steps
 from cvxlimit.methods.standing import (
     SOLVERS_ASIDE,
@@ -35,10 +34,11 @@ from cvxlimit.methods.standing import (
 )
 from cvxlimit.model.assemblage import Reduction
 from cvxlimit.model.formulations import Formulation
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.checks import RESIDUAL
 from cvxlimit.proof.strength import Strength
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status
@@ -99,9 +99,9 @@ class ConvexSearch:
     ``asked`` keeps a side question, which costs a solve, from being put twice.
 
     Solvers see so much ``model``; the certificate is that of the full scene in any case. For
-    ``tolerance`` and ``budget`` see :class:`~cvxlimit.methods.convex.Convex`. A ``problem`` is
-    solved in place of a new one, with the reference states of its last certificate; it comes with
-    ``model="full"``, since there is no other problem to fall back to.
+    ``tolerance`` and ``budget`` see :class:`~cvxlimit.methods.convex.Convex`. A ``problem``
+    is solved in place of a new one, with the reference states of its last certificate; it comes
+    with ``model="full"``, since there is no other problem to fall back to.
     """
 
     def __init__(

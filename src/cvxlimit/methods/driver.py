@@ -20,11 +20,13 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.progressbar import LOG
 from cvxlimit.errors import ModelError
+from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.answer import Answer
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar, is_needed
 from cvxlimit.model.statics import DOF, Scaling
+from cvxlimit.proof.strength import ContactFlow
 from cvxlimit.readings.moments import INDEPENDENT, Moments
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Solution, Status
@@ -114,7 +116,7 @@ class Run:
     Example
     -------
     >>> from cvxlimit import builtin_scene
-    >>> from cvxlimit.model.problem import LimitProgram
+    >>> from cvxlimit.model.program import LimitProgram
     >>> run = Run(builtin_scene("single-block"))
     >>> state = run.solve(LimitProgram(run.assemblage).run, SolverSettings("CLARABEL"))
     >>> round(state.load_factor, 5), run.clock.seconds["solve"] > 0.0
@@ -297,11 +299,24 @@ class Method(ABC):
     axis : str
         Attribute of a solution that holds the name: ``"interaction"``, ``"flow"``,
         ``"torsion_shear"``, or empty.
+    surfaces : tuple of str
+        Kinds of surfaces that it goes with: ``"conic"``, ``"facets"``, ``"parabolic"``, ``"own"``.
+    takes : tuple of str
+        What it takes besides dry contacts: keys of :data:`cvxlimit.methods.table.EXTRAS`.
+    reduces : bool
+        Whether it takes less than all of the scene where that is enough.
+    usual : float or None
+        Width of a bracket that counts as closed where no tolerance is asked for, if that is not the
+        default of the setting.
     """
 
     name: ClassVar[str]
     answers: ClassVar[str] = ""
     axis: ClassVar[str] = "interaction"
+    surfaces: ClassVar[tuple[str, ...]] = ("conic", "facets", "parabolic", "own")
+    takes: ClassVar[tuple[str, ...]] = ("formulation", "reactions", "cohesion", "strength")
+    reduces: ClassVar[bool] = True
+    usual: ClassVar[float | None] = None
 
     @abstractmethod
     def steps(self, run: Run) -> Steps:
@@ -310,6 +325,10 @@ class Method(ABC):
         ``run.best`` always holds the best answer so far, with bounds only if they bound the answer
         asked for; ``run.remarks`` holds the sentences of the solution's note.
         """
+
+    def flow(self, contacts: Contacts) -> ContactFlow | None:
+        """The flow rule that upper bounds rest on, where it is not that of the surfaces."""
+        return None
 
     def basis(self, run: Run) -> str:
         """What the bounds of ``run.best`` rest on, in a sentence."""

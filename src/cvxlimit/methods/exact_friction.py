@@ -9,7 +9,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.checks import count, ratio
-from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Method, Run, Steps
@@ -17,6 +17,7 @@ from cvxlimit.methods.standing import refuse_an_interval
 from cvxlimit.model.point_friction import ExactFlow, PointFriction
 from cvxlimit.model.points import Placing, at_centroids, at_corners
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.strength import ContactFlow
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.surfaces import Rocking
@@ -44,6 +45,7 @@ class ExactFriction(Method):
     name = "exact"
     answers = "torsion with shear on the exact limit (Eq. 18-21), bracketed to 1e-3"
     axis = "torsion_shear"
+    surfaces, takes, reduces = ("conic",), ("reactions", "cohesion", "strength"), False
 
     tolerance: float = 1e-3
     divisions: int = 2
@@ -53,6 +55,9 @@ class ExactFriction(Method):
         ratio(self.tolerance, "tolerance")
         count(self.divisions, 1, "divisions")
         count(self.max_iterations, 1, "max_iterations")
+
+    def flow(self, contacts: Contacts) -> ContactFlow:
+        return ExactFlow(contacts)
 
     def steps(self, run: Run) -> Steps:
         divisions = np.full(len(run.contacts), self.divisions)

@@ -20,7 +20,7 @@ from cvxlimit.model.formulations import FORCES
 from cvxlimit.model.statement import LARGEST_FACTOR, Stated
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import parse_moments
-from cvxlimit.readings.states.pressure import Pressure
+from cvxlimit.readings.pressure import Pressure
 from cvxlimit.solution import Iterate, Iteration, Status
 from cvxlimit.solution.records import IN_A_ROW
 from cvxlimit.solvers import iterate_ladder
@@ -61,7 +61,7 @@ class FixedPoint(Method):
     row, which count as converged, or to ``max_iterations``, with the band of the iterates after
     the first twenty. It has no bracket: the bounds of its last convex problem, with eccentricities
     frozen, are not bounds of the collapse load with interaction. For those see
-    :class:`~cvxlimit.methods.certified.Certified`.
+    :class:`~cvxlimit.extensions.interaction.certified.Certified`.
 
     Attributes
     ----------
@@ -92,6 +92,7 @@ class FixedPoint(Method):
 
     name = "fixed-point"
     answers = "interaction with bending by the paper's iteration (Eq. 41-43), without a bracket"
+    surfaces, takes, reduces = ("conic", "facets"), (), False
 
     old_value_weight: float = 0.8
     tolerance: float = 1e-4

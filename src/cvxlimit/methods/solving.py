@@ -8,7 +8,7 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Method, Progress, Run, drive
-from cvxlimit.methods.table import TABLE, MethodName, check, check_choice, chosen
+from cvxlimit.methods.table import MethodName, check, check_choice, chosen
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.readings.moments import INDEPENDENT, Moments
@@ -112,8 +112,8 @@ def solve(
     asked = chosen(surface, method, settings)
     solvers = asked_ladder(solver, ladder)
     run = Run(scene, surface, INDEPENDENT, formulation, solvers, progress, model, verbose)
-    if asked.name in TABLE:  # a loop of one's own takes all
-        if model == "least" and not TABLE[asked.name].reduces:
+    if True:
+        if model == "least" and not asked.reduces:
             raise ModelError(f"model 'least' does nothing for method {asked.name!r}: leave it out")
-        check(f"method {asked.name!r}", run, TABLE[asked.name].scenes)
+        check(f"method {asked.name!r}", run, asked.takes)
     return drive(asked, run)

@@ -13,7 +13,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage, Reduction
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene

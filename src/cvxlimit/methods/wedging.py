@@ -7,27 +7,25 @@ wedge in a groove jams with it and slides without it. There are three readings.
 - The live load does no harm. This is proved where forces *without any friction* carry it alone, and
   others carry the dead load: joints that do not penetrate then let no load do work, however they
   slide. Where that takes friction, it is proved with no more of it than joints have in every state
-  of forces (:mod:`cvxlimit.methods.dilatancy.unbounded`).
+  of forces (:mod:`cvxlimit.extensions.dilatancy.unbounded`).
 - Joints slide without dilatancy: a solution that does was found.
 - It is not known.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.attached import attached
+from cvxlimit.base.doors import Door
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.methods.checks import Check
 from cvxlimit.methods.convex_search import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
+from cvxlimit.proof.checks import Check
 from cvxlimit.reductions.choice import loaded_blocks
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded
@@ -62,7 +60,7 @@ def judged(run: Run, is_plain: bool = True) -> Status:
             run.best = replace(run.best, forces=forces)
     else:
         run.best = replace(run.best, dilatancy=Dilatancy(np.inf))
-        extension = _extension()
+        extension = Door("cvxlimit.readings").get("without_dilatancy")
         if is_plain and extension is not None:
             status = extension(run, start)
     if status is Status.LIVE_LOAD_HARMLESS and end is not None:
@@ -81,13 +79,6 @@ def without_limit(check: Check, run: Run, solution: Solution) -> Check:
     if check.is_met and judged(aside, is_plain) is not Status.LIVE_LOAD_HARMLESS:
         return replace(check, is_met=False, found="forces carry it alone, but by dilatancy")
     return check
-
-
-def _extension() -> Callable[[Run, float], Status] | None:
-    """What knows more of friction without dilatancy, if it is there."""
-    with suppress(AttributeError, ModuleNotFoundError):
-        return attached("without_dilatancy")
-    return None
 
 
 def carried_without_friction(run: Run, start: float) -> FloatArray | None:

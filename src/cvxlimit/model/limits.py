@@ -23,7 +23,7 @@ from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
 from cvxlimit.model.sinks import CONSTANT_COLUMN, Form, Rows, check_values
 from cvxlimit.model.statics import DOF
-from cvxlimit.solvers.own import Blockwise
+from cvxlimit.solvers.matrices import Matrices
 from cvxlimit.solvers.program import ConeProgram
 
 
@@ -101,7 +101,7 @@ class OwnLimits:
         self.has_rows = self.problem.is_dcp(dpp=True)
         try:
             data, self._chain, self._inverse = self.problem.get_problem_data(
-                Blockwise(), solver_opts={}
+                Matrices(), solver_opts={}
             )
         except (SolverError, DCPError, DPPError):
             self.has_rows = False

@@ -100,7 +100,7 @@ def largest_self_stress(stated: Stated) -> Any:
 
 
 class Statement:
-    """What a limit problem says; see :class:`~cvxlimit.model.problem.LimitProgram`."""
+    """What a limit problem says; see :class:`~cvxlimit.model.program.LimitProgram`."""
 
     def __init__(
         self,

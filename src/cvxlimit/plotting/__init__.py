@@ -23,7 +23,6 @@ from cvxlimit.plotting import pictures
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.look import IMAGES, saved, title, with_suffix
-from cvxlimit.plotting.movement import Motion, motion
 from cvxlimit.plotting.pictures.animation import Animation, animation
 from cvxlimit.plotting.pictures.exploded import exploded
 from cvxlimit.plotting.pictures.forces import forces, thrust
@@ -32,6 +31,7 @@ from cvxlimit.plotting.pictures.utilisation import utilisation
 from cvxlimit.plotting.pictures.webpage import Page, page, scene_page
 from cvxlimit.plotting.registry import PICTURES, figures, picture
 from cvxlimit.plotting.vtu import to_pyvista, vtu_files
+from cvxlimit.results.movement import Motion, motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import ContactKind, ContactMotion

@@ -13,8 +13,8 @@ from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.contacts import COLUMN, Contacts, pressure_centres
 from cvxlimit.plotting.camera import upright
-from cvxlimit.plotting.movement import Motion, displaced, free_size
-from cvxlimit.readings.utilisation import contact_forces
+from cvxlimit.results.movement import Motion, displaced, free_size
+from cvxlimit.results.utilisation import contact_forces
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load
 from cvxlimit.scene.pressures import Pressure

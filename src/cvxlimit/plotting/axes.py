@@ -10,9 +10,9 @@ from matplotlib.ticker import MaxNLocator
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.plotting.camera import Camera, upright
-from cvxlimit.plotting.movement import free_size
 from cvxlimit.plotting.picture import SURROUNDINGS, shown_bounds
 from cvxlimit.plotting.sheet import PAPER, Letters, Word, measured
+from cvxlimit.results.movement import free_size
 from cvxlimit.scene import Scene
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import InputError
-from cvxlimit.plotting.movement import Motion, free_bounds
+from cvxlimit.results.movement import Motion, free_bounds
 from cvxlimit.scene import Scene
 
 ELEVATION = 20.0

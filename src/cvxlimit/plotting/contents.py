@@ -12,7 +12,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
 from cvxlimit.plotting.look import CASE_COLOURS, PALE, block_colours, title
-from cvxlimit.plotting.movement import Motion, motion, still
+from cvxlimit.results.movement import Motion, motion, still
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

@@ -29,7 +29,6 @@ from cvxlimit.plotting.axes import Axes as Coordinates
 from cvxlimit.plotting.camera import Camera, default_camera
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
 from cvxlimit.plotting.look import IMAGES, Saved
-from cvxlimit.plotting.movement import Motion, still
 from cvxlimit.plotting.picture import Fill, Seen, seen
 from cvxlimit.plotting.sheet import (
     GLASS_LINE,
@@ -45,6 +44,7 @@ from cvxlimit.plotting.sheet import (
     measured,
     notes_keys,
 )
+from cvxlimit.results.movement import Motion, still
 from cvxlimit.scene import Scene
 
 INK = "#4a4f57"

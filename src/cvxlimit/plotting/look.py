@@ -14,7 +14,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import JointKind, Marking, joint_kinds
-from cvxlimit.plotting.movement import Motion
+from cvxlimit.results.movement import Motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded

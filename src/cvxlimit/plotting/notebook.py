@@ -10,8 +10,8 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.camera import default_camera
 from cvxlimit.plotting.look import printable
-from cvxlimit.plotting.movement import motion, still
 from cvxlimit.plotting.registry import figures
+from cvxlimit.results.movement import motion, still
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.said import said

@@ -15,8 +15,8 @@ from cvxlimit.geometry.overlays import union
 from cvxlimit.geometry.penetration import Body
 from cvxlimit.plotting.contents import Drawing
 from cvxlimit.plotting.look import block_colours, rgb
-from cvxlimit.plotting.movement import displaced, free_bounds, free_size
 from cvxlimit.plotting.visible import Faces, outlines, rings
+from cvxlimit.results.movement import displaced, free_bounds, free_size
 from cvxlimit.scene import Scene
 from cvxlimit.solution.kinematics import VISIBLE
 

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from functools import wraps
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
+from cvxlimit.base.doors import Door
 from cvxlimit.base.extras import needed
 from cvxlimit.plotting.contents import Drawing
 
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 T = TypeVar("T")
 
-PICTURES: dict[str, Callable[..., Any]] = {}
-"""Functions from a solution to something with ``save(path)``, by the name of the picture."""
+PICTURES = Door("cvxlimit.pictures")
+"""Functions from a solution to something with ``save(path)``, by the name of the picture; those of
+other distributions are found when they are asked for."""
 
 
 def listed(make: Callable[P, T]) -> Callable[P, T]:

@@ -16,13 +16,11 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.strengths import PROPERTIES
-from cvxlimit.paths.path import PROVES, Path
 from cvxlimit.plotting.look import printable
-from cvxlimit.plotting.movement import motion
-from cvxlimit.plotting.paths import curve
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
 from cvxlimit.plotting.pictures.webpage import Page, asset, sentences
 from cvxlimit.plotting.registry import figures
+from cvxlimit.results.movement import motion
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
 from cvxlimit.solution.bracket import rounded_down, rounded_up
@@ -119,13 +117,11 @@ def _pictures(scene: Scene, solution: Solution) -> str:
         return f"<p>{_text(f'no pictures: {error}')}</p>"
 
 
-def _curve(path: Path) -> str:
+def _curve(path: Any) -> str:
     if len(path.scene.blocks) > MOST_BLOCKS:
         return ""
     try:
-        return (
-            f'<div class="pictures">{_figure(curve(path, figsize=(5.2, 2.9)), "the curve")}</div>'
-        )
+        return f'<div class="pictures">{_figure(path.plot(figsize=(5.2, 2.9)), "the curve")}</div>'
     except ModelError as error:
         return f"<p>{_text(f'no curve: {error}')}</p>"
 
@@ -307,33 +303,12 @@ def _found(solution: Solution, digest: str) -> Rows:
     )
 
 
-def _path(path: Path) -> Rows:
-    """Yields facts about a path."""
-    which = "the path of this model: joints rock and do not slide"
-    if path.slides:
-        limit = "an upper limit" if path.flow == "associated" else "one of several possible paths"
-        limit = "an interval over step and flow" if path.followed else limit
-        which = f"{limit}: joints slide on the way, so that the curve depends on the step"
-    yield "in words", which
-    first, last = (f"{path.load_factor[k]:.5g}" for k in (0, -1))
-    way = f"{path.displacement[-1]:.5g} {path.scene.units.length}"
-    of = "the live load (mean)" if path.control is None else f"block {path.control[0]}"
-    yield "load factor", f"{first} with friction at points, {last} where the path ends"
-    yield "displacement", f"of {of}: {way} where it ends, after {len(path) - 1} steps"
-    if path.reason != path.headline:
-        yield "ends", path.reason
-    if path.snaps:
-        yield "snaps", f"{len(path.snaps)}: the structure jumps there"
-    yield from (("note", note) for note in path.notes)
-    yield "rests on", PROVES
-
-
 def _shown(value: Any) -> str:
     """Returns as HTML a path, an envelope, a mapping, a pandas table, anything with ``rows``, or
     the text of any other object."""
-    if isinstance(value, Path):
+    if hasattr(value, "facts"):
         return f"<p><strong>{_text(sentences(value.headline))}</strong></p>" + (
-            _table(_path(value)) + _curve(value)
+            _table(value.facts()) + _curve(value)
         )
     if hasattr(value, "crossings"):
         drawn = _figure(value.plot(figsize=(5.2, 2.9)), "load factors at all positions")

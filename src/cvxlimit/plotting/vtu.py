@@ -16,8 +16,8 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.extras import needed
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.plotting.movement import Motion, motion
-from cvxlimit.readings.utilisation import contact_forces
+from cvxlimit.results.movement import Motion, motion
+from cvxlimit.results.utilisation import contact_forces
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import velocity_of

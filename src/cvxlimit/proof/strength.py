@@ -95,6 +95,16 @@ class Strength:
         others = (s for s in surfaces if s.name != Rocking.name)
         self.surfaces = with_bounds((Rocking(), *others), self.contacts)
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
+        self._idle = np.array([], dtype=int)
+
+    def without(self, contacts: IntArray) -> Strength:
+        """Returns this strength, whose states are balanced without the forces of some contacts
+        (k,): a part of what it admits."""
+        result = copy(self)
+        result._idle = contacts
+        for name in ("_unresisted", "balance"):
+            vars(result).pop(name, None)
+        return result
 
     @cached_property
     def about(self) -> Hashable | None:
@@ -155,6 +165,7 @@ class Strength:
                 unresisted[rows[is_zero], COLUMN[name]] = True
         unresisted[self._points, :] = True
         unresisted[:, COLUMN["N"]] = False
+        unresisted[self._idle, :] = True
         return rows_without, unresisted
 
     @cached_property

@@ -1,5 +1,4 @@
 """Readings of Eq. 30: how moments add up, and all that depends on it.
 
-A further reading is one more class in ``moments`` or ``named``. ``states`` is one contact: what is
-admissible there, from outside (``support``, ``disjuncts``, ``cells``) and from inside.
+A further reading is one more class in ``moments`` or ``named``.
 """

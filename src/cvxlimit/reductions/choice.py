@@ -23,7 +23,7 @@ from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance, Reduction
 from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.formulations import Formulation, corner_compressions, is_weak
-from cvxlimit.model.problem import LimitProgram
+from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.mirror import Mirror, find_mirror

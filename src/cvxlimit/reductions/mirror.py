@@ -4,7 +4,7 @@ If a reflection carries blocks, loads and the admissible forces of every contact
 partner, then with any solution its mirror image is one, and so, by convexity, is their mean: one
 half of the contacts says it all. Contacts that are their own partners carry the symmetric part of
 their forces, and blocks move like their partners. None of this holds with interaction; what does
-is in :mod:`cvxlimit.readings.halves`.
+is in :mod:`cvxlimit.extensions.interaction.halves`.
 """
 
 from __future__ import annotations

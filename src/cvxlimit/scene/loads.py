@@ -5,7 +5,6 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from importlib import import_module
 from types import MappingProxyType
 from typing import Any
 
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray, IntArray, RemadeFromFields
 from cvxlimit.base.checks import finite_vector, meant, members, of_type
+from cvxlimit.base.doors import Door
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
@@ -383,8 +383,8 @@ def _vector(value: object, length: int, what: str) -> Vector:
 
 def __getattr__(name: str) -> Any:
     """Returns loads from surroundings by name: they need scenes, whose module imports this one."""
-    if name in ("earth_pressure", "fill", "hydrostatic", "uplift", "wheel"):
-        return getattr(import_module("cvxlimit.scene.surroundings"), name)
+    if name in (surroundings := Door("cvxlimit.loads")):
+        return surroundings[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

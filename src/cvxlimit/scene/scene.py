@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvxlimit.base.arrays import FloatArray, RemadeFromFields
-from cvxlimit.base.attached import attached
 from cvxlimit.base.checks import first_twice, meant, members, of_type, positive
+from cvxlimit.base.doors import attached
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts

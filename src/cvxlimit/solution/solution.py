@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.attached import attached
+from cvxlimit.base.doors import attached
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.scene import Scene, Units, check_scene
@@ -309,7 +309,7 @@ class Solution:
     def sensitivity(self) -> Any:
         """What the load factor gains per unit of friction, strength, weight, load, and position of
         every vertex: from the forces and the mechanism of this solution, without another solve.
-        The ``note`` of the :class:`cvxlimit.readings.sensitivity.Sensitivity` says what the
+        The ``note`` of the :class:`cvxlimit.results.sensitivity.Sensitivity` says what the
         derivatives rest on.
 
         Raises

@@ -1,9 +1,11 @@
-"""Solvers: the table of them, the order in which they are tried, one run, and one of our own.
+"""Solvers: the table of them, the order in which they are tried, one run, a sparse factorisation.
 
 To add one: if CVXPY knows it, write a row into :data:`~cvxlimit.solvers.table.SOLVERS`; it can be
-put on a ladder even without. One that CVXPY does not know is a class like :class:`Blockwise`, which
-may stand on a ladder itself, or in such a row.
+put on a ladder even without. One that CVXPY does not know is a class of CVXPY's interface to
+solvers, which may stand on a ladder itself, or in such a row.
 """
+
+from typing import Any
 
 from cvxlimit.solvers.ladders import (
     Ladder,
@@ -20,7 +22,6 @@ from cvxlimit.solvers.ladders import (
     tight_ladder,
     warm_ladder,
 )
-from cvxlimit.solvers.own import Blockwise
 from cvxlimit.solvers.running import LimitState, Outcome, run
 from cvxlimit.solvers.table import (
     SOLVERS,
@@ -34,7 +35,6 @@ from cvxlimit.solvers.table import (
 
 __all__ = [
     "SOLVERS",
-    "Blockwise",
     "Ladder",
     "LimitState",
     "Outcome",
@@ -58,3 +58,9 @@ __all__ = [
     "versions",
     "warm_ladder",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "Blockwise" and "BLOCKWISE" in SOLVERS:  # of an extension
+        return SOLVERS["BLOCKWISE"].plug_in
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

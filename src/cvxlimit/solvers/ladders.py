@@ -16,7 +16,6 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers.table import (
     SOLVERS,
-    UNBUILT,
     SolverSettings,
     check_installed,
     installed,
@@ -72,9 +71,12 @@ BLOCKWISE_FROM = {"conic": 100, "facets": 500, "lean": 1_000}
 def blockwise(
     tolerance: float | None = None, label: str = "", iterations: int | None = None
 ) -> Ladder:
-    """Returns a ladder with our own solver alone, or an empty one where it was not compiled."""
-    own = settings_for("BLOCKWISE", tolerance, label, iterations=iterations)
-    return () if own.name in UNBUILT else (own,)
+    """Returns a ladder with our own solver alone, or an empty one where it is not here or was not
+    compiled."""
+    row = SOLVERS.get("BLOCKWISE")
+    if row is None or row.lacks:
+        return ()
+    return (settings_for(row.name, tolerance, label, iterations=iterations),)
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:

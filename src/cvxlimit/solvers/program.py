@@ -29,7 +29,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import meant
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import ModelError
-from cvxlimit.solvers.own import Blockwise
+from cvxlimit.solvers.matrices import Matrices
 from cvxlimit.solvers.running import Outcome, attempted, run
 from cvxlimit.solvers.table import SolverSettings, options_of
 
@@ -67,7 +67,7 @@ class ConeProgram:
     @classmethod
     def of(cls, problem: cp.Problem) -> ConeProgram:
         """Returns the program of a CVXPY problem at the present values of its Parameters."""
-        data, _, _ = problem.get_problem_data(Blockwise(), ignore_dpp=True)
+        data, _, _ = problem.get_problem_data(Matrices(), ignore_dpp=True)
         dims = data[ConicSolver.DIMS]
         matrices = data[keys.C], data[keys.A], data[keys.B]
         return cls(*matrices, dims.zero, dims.nonneg, tuple(dims.soc))

@@ -16,7 +16,7 @@ from cvxpy.reductions.solvers.solving_chain import SolvingChain
 from cvxpy.settings import ERROR, INF_OR_UNB, PARAM_PROB, SOLUTION_PRESENT
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.solvers.own import Blockwise
+from cvxlimit.solvers.matrices import Matrices
 from cvxlimit.solvers.table import SolverSettings, able, installed
 
 
@@ -110,7 +110,7 @@ def _compiled(
     is_plain = not problem.objective.expr.has_quadratic_term()
     if solver is not None and is_plain and not getattr(solver, "DIR_CONE_KINDS", ()):
         try:
-            data, chain, inverse = problem.get_problem_data(Blockwise(), ignore_dpp=ignore_dpp)
+            data, chain, inverse = problem.get_problem_data(Matrices(), ignore_dpp=ignore_dpp)
         except cp.error.SolverError:  # which says that it does not take these cones
             is_plain = False
         if is_plain and not (data[solver.DIMS].soc and not row.has_cones):

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.sparse.linalg import SuperLU, splu
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.solvers.extensions import CHOLESKY
+from cvxlimit.solvers.compiled import CHOLESKY
 
 Indices = NDArray[np.signedinteger[Any]]
 Solve = Callable[[FloatArray], FloatArray]

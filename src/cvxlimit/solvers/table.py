@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
-from types import MappingProxyType
 from typing import Any
 
 import cvxpy as cp
@@ -15,10 +14,10 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC, SOLVER_MAP_QP
 
 from cvxlimit.base.checks import ratio
+from cvxlimit.base.doors import Door
 from cvxlimit.base.versions import __version__, version_of
 from cvxlimit.errors import ModelError
-from cvxlimit.solvers.extensions import INTERIOR
-from cvxlimit.solvers.own import OPTIONS, Blockwise, Rescaled
+from cvxlimit.solvers.matrices import Rescaled
 
 
 @dataclass(frozen=True)
@@ -51,6 +50,8 @@ class Solver:
         (docs/evidence/solvers.md). Without measurements it is Clarabel's.
     plug_in : subclass of cvxpy's ConicSolver, or None
         Its interface, if CVXPY does not know it by name.
+    lacks : str
+        Why it cannot be used here, if so.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Solver:
     distribution: str = ""
     pace: tuple[float, float] = (3.2e-7, 1.6)
     plug_in: type[ConicSolver] | None = None
+    lacks: str = ""
 
 
 _CORE = "cvxlimit"
@@ -80,8 +82,6 @@ _ROWS = (
     # Clarabel's own LDL is 2 to 8 times as fast on block assemblages as its default (faer). Looser
     # tolerances save little and cost the bracket (docs/evidence/solvers.md).
     Solver("CLARABEL", "Apache-2.0", _CORE, _CLARABEL, 1e-11, _OWN_LDL, takes_matrices=True),
-    Solver("BLOCKWISE", "MIT", _CORE, ("tolerance",), 1e-11, pace=(9.4e-7, 1.3),
-           starts_warm=True, takes_matrices=True, plug_in=Blockwise),
     Solver("RESCALED", "MIT", _CORE, _CLARABEL, 1e-12, _OWN_LDL, distribution="clarabel",
            takes_matrices=True, plug_in=Rescaled),
     # At tolerances below 1e-8 its brackets are no narrower.
@@ -115,12 +115,9 @@ _ROWS = (
     Solver("OSQP", "Apache-2.0", _CORE, has_cones=False),
 )  # fmt: skip
 
-SOLVERS: Mapping[str, Solver] = MappingProxyType({row.name: row for row in _ROWS})
-"""All rows by name, those of the default ladder in its order."""
-
-
-UNBUILT = frozenset({"BLOCKWISE"} if INTERIOR is None else ())
-"""Solvers of this package that were not compiled when it was installed."""
+SOLVERS: Mapping[str, Solver] = Door("cvxlimit.solvers", {row.name: row for row in _ROWS})
+"""All rows by name, those of the default ladder in its order; extensions and other packages add
+theirs."""
 
 
 @dataclass(frozen=True)
@@ -192,8 +189,8 @@ def check_installed(settings: SolverSettings) -> None:
         near, here = " or ".join(get_close_matches(name.upper(), known, 3, 0.7)), ", ".join(able())
         hint = f"did you mean {near}?" if near else f"installed are {here}"
         raise ModelError(f"there is no solver {name!r}; {hint}")
-    if name in UNBUILT:
-        raise ModelError(f"solver {name} is not here: it needs a C compiler at installation")
+    if row.lacks:
+        raise ModelError(f"solver {name} is not here: {row.lacks}")
 
 
 def options_of(solver: str) -> frozenset[str]:
@@ -202,8 +199,8 @@ def options_of(solver: str) -> frozenset[str]:
     >>> "max_iter" in options_of("CLARABEL")
     True
     """
-    if solver == "BLOCKWISE":
-        return frozenset(OPTIONS)
+    if own := getattr(SolverSettings(solver).row.plug_in, "OPTIONS", None):
+        return frozenset(own)
     if solver == "RESCALED":
         return options_of("CLARABEL") | {"first"}
     holders = {
@@ -219,7 +216,7 @@ def able(with_cones: bool = False) -> list[str]:
     """Returns the names of solvers that can be put on a ladder here: of all, or only of those that
     take second-order cones."""
     names = {name for name, row in SOLVERS.items() if row.plug_in is not None} | installed()
-    names -= UNBUILT
+    names -= {name for name, row in SOLVERS.items() if row.lacks}
     return sorted(n for n in names if SolverSettings(n).row.has_cones or not with_cones)
 
 

@@ -16,6 +16,7 @@ import cvxpy as cp
 import numpy as np
 
 from cvxlimit.base.arrays import IntArray
+from cvxlimit.base.doors import Door
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.strengths import PROPERTIES
@@ -210,6 +211,10 @@ def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...
     return tuple([s for s in surfaces if (s.name, s.cone) not in implied])
 
 
+SURFACES = Door("cvxlimit.surfaces")
+"""Surfaces by name, of other distributions: those here are :data:`NAMED`, or have a cone's name."""
+
+
 def surfaces_of(
     surface: str | Cone | Sequence[YieldSurface],
 ) -> tuple[tuple[YieldSurface, ...], str]:
@@ -220,7 +225,12 @@ def surfaces_of(
     """
     if isinstance(surface, str) and surface in NAMED:
         return NAMED[surface], surface
-    cone = parse_cone(surface) if isinstance(surface, str) else surface
+    try:
+        cone = parse_cone(surface) if isinstance(surface, str) else surface
+    except ModelError:
+        if surface in SURFACES:
+            return tuple(SURFACES[str(surface)]), str(surface)
+        raise
     if isinstance(cone, Cone):
         return (Rocking(), TorsionShear(cone)), str(cone)
     surfaces = tuple(cone) if isinstance(cone, Iterable) else (cone,)

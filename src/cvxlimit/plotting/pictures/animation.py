@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from cvxlimit.base.checks import count
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.plotting.contents import Viewer
+from cvxlimit.plotting.contents import Drawing, Viewer
 from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.picture import seen
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
 from cvxlimit.plotting.registry import figures, listed
+from cvxlimit.results.movement import Motion
 from cvxlimit.solution import Solution
 
 Bytes = NDArray[np.uint8]
@@ -161,3 +162,21 @@ def _palette(frame: Bytes) -> bytes:
     _, first = np.unique(commonest & ALIKE, return_index=True)
     kept = commonest[np.sort(first)[:256]]
     return np.stack([kept >> 16, (kept >> 8) & 255, kept & 255], axis=1).astype(np.uint8).tobytes()
+
+
+def frames_of(
+    drawing: Drawing, motions: Sequence[Motion], texts: Sequence[str], options: dict[str, Any]
+) -> list[Any]:
+    """Pixels of a drawing in each of its motions, with a text below it."""
+    toolkit = figures()
+    figure, artists = toolkit.assembled(drawing, seen(drawing), toolkit.Sheet(**options))
+    figure.set_dpi(DPI)
+    # Frames are drawn on one figure: the blocks of the last one are removed, the axes stay.
+    forward = []
+    for motion, text in zip(motions, texts, strict=True):
+        for artist in artists:
+            artist.remove()
+        artists = toolkit.draw_seen(figure.axes[0], seen(replace(drawing, moving=motion)), 1.0)
+        artists.append(figure.text(0.02, 0.02, text, fontsize=8))
+        forward.append(figure.pixels())
+    return forward

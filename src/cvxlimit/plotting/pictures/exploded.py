@@ -13,11 +13,11 @@ from cvxlimit.base.checks import positive
 from cvxlimit.geometry.contacts import pressure_centres
 from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
-from cvxlimit.plotting.movement import Motion, free_bounds, motion, still
 from cvxlimit.plotting.picture import drawn_mesh
 from cvxlimit.plotting.pictures.utilisation import idle_keys, joint_areas, used_shares
 from cvxlimit.plotting.registry import picture
-from cvxlimit.readings.utilisation import forces_of, least_used_state
+from cvxlimit.results.movement import Motion, free_bounds, motion, still
+from cvxlimit.results.utilisation import forces_of, least_used_state
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

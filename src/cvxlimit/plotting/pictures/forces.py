@@ -11,9 +11,9 @@ from cvxlimit.geometry.contacts import pressure_centres
 from cvxlimit.plotting.annotations import annotated, loads_to_scale
 from cvxlimit.plotting.camera import thin_axis, upright
 from cvxlimit.plotting.contents import Drawing, Lines, Viewer, at_rest
-from cvxlimit.plotting.movement import free_size
 from cvxlimit.plotting.registry import picture
-from cvxlimit.readings.utilisation import forces_of
+from cvxlimit.results.movement import free_size
+from cvxlimit.results.utilisation import forces_of
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

@@ -10,8 +10,8 @@ from cvxlimit.base.checks import positive
 from cvxlimit.plotting.annotations import annotated, shapes_of
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest, camera_for
 from cvxlimit.plotting.look import SLOW, SPEED_STOPS, SPEED_TEXT, moving_joints, title
-from cvxlimit.plotting.movement import Motion, motion
 from cvxlimit.plotting.registry import picture
+from cvxlimit.results.movement import Motion, motion
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import ContactKind

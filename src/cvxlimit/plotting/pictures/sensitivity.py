@@ -7,9 +7,9 @@ import numpy as np
 import cvxlimit.plotting.look as look
 from cvxlimit.plotting.annotations import Marking
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
-from cvxlimit.plotting.movement import free_size, motion, still
 from cvxlimit.plotting.registry import picture
-from cvxlimit.readings.sensitivity import NOTHING
+from cvxlimit.results.movement import free_size, motion, still
+from cvxlimit.results.sensitivity import NOTHING
 from cvxlimit.solution import Solution
 
 _LONGEST = 0.12

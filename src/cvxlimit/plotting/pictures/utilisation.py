@@ -12,7 +12,7 @@ from cvxlimit.plotting.annotations import Decal
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest
 from cvxlimit.plotting.look import USE_STOPS, USE_TEXT, used_colour
 from cvxlimit.plotting.registry import picture
-from cvxlimit.readings.utilisation import forces_of, least_used_state, share_used
+from cvxlimit.results.utilisation import forces_of, least_used_state, share_used
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

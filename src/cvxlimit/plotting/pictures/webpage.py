@@ -19,11 +19,11 @@ from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused, shapes_of
 from cvxlimit.plotting.camera import default_camera, thin_axis, upright
 from cvxlimit.plotting.look import Saved
-from cvxlimit.plotting.movement import Motion, displaced, free_size, motion, still
 from cvxlimit.plotting.picture import drawn_mesh, shown_bounds
 from cvxlimit.plotting.pictures.forces import thrust_of_blocks
 from cvxlimit.plotting.pictures.utilisation import used_shares
-from cvxlimit.readings.utilisation import contact_forces, least_used_state
+from cvxlimit.results.movement import Motion, displaced, free_size, motion, still
+from cvxlimit.results.utilisation import contact_forces, least_used_state
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded_down, rounded_up
@@ -171,15 +171,15 @@ def path_page(scene: Scene, motions: Sequence[Motion], told: dict[str, Any]) -> 
     return framed("viewer.html", data)
 
 
-def asset(name: str) -> str:
-    """A part of pages, as it lies beside this module."""
-    return files("cvxlimit.plotting").joinpath(name).read_text(encoding="utf-8")
+def asset(name: str, home: str = "cvxlimit.plotting") -> str:
+    """A part of pages, as it lies beside the modules of a folder."""
+    return files(home).joinpath(name).read_text(encoding="utf-8")
 
 
-def framed(name: str, data: dict[str, Any]) -> Page:
-    """A page of the frame that all share, and of what ``name`` has: controls, and a script that
-    finds ``data`` by its name."""
-    frame, ticks, part = map(asset, ("frame.html", "ticks.js", name))
+def framed(name: str, data: dict[str, Any], home: str = "cvxlimit.plotting") -> Page:
+    """A page of the frame that all share, and of what ``name`` in the folder ``home`` has:
+    controls, and a script that finds ``data`` by its name."""
+    frame, ticks, part = asset("frame.html"), asset("ticks.js"), asset(name, home)
     controls, script = part.split("<script>\n")
     parts = {
         "<!--ASIDE-->\n": controls,

@@ -1,1 +1,0 @@
-"""Motion in time under a ground acceleration, by MuJoCo (extra ``dynamics``)."""

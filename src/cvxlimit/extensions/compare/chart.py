@@ -1,0 +1,162 @@
+"""Time against true error, with the Pareto front: Matplotlib, imported when it is used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cvxlimit.extensions.compare.models import Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+
+OWN = "cvxlimit"
+"""Lines whose names begin like this are drawn larger: the package's default."""
+
+LEAST = 1e-12
+"""Errors below this are drawn there: a logarithmic axis has no zero."""
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the points that no other one beats in both coordinates, by the first one."""
+    front: list[int] = []
+    best = np.inf
+    for i in sorted(range(len(points)), key=lambda i: points[i]):
+        if points[i][1] < best:
+            front.append(i)
+            best = points[i][1]
+    return front
+
+
+def on_front(rows: Sequence[Row]) -> set[str]:
+    """Names of the methods on the Pareto front; methods whose truths differ have their own."""
+    return {row.method for group in _by_truth(rows).values() for row in _front(group)}
+
+
+def _by_truth(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        if row.has_point:
+            truth = "no interaction" if row.interaction == "none" else f"{row.moments} moments"
+            groups.setdefault(truth, []).append(row)
+    return groups
+
+
+def _front(alike: Sequence[Row]) -> list[Row]:
+    return [alike[i] for i in pareto_front([_point(row) for row in alike])]
+
+
+def _point(row: Row) -> tuple[float, float]:
+    return row.total or 0.0, max(row.error or 0.0, row.floor, LEAST)
+
+
+def draw_time_against_error(
+    axes: Axes, rows: Sequence[Row], title: str = "", styles: Mapping[str, int] | None = None
+) -> None:
+    """One line per method family, the Pareto front of several shaded behind them, into ``axes``.
+
+    ``styles`` numbers the lines' markers and colours, for several plots with one legend.
+    """
+    groups = _by_truth(rows)
+    lines: dict[str, list[Row]] = {}
+    for row in rows:
+        if row.has_point:
+            lines.setdefault(row.line, []).append(row)
+    for order, (label, members) in enumerate(lines.items()):
+        own = label.startswith(OWN)
+        axes.plot(
+            *zip(*map(_point, members), strict=True),
+            **style(order if styles is None else styles[label], label),
+            markersize=10 if own else 6,
+            markeredgecolor="black" if own else "white",
+            markeredgewidth=0.8,
+            linewidth=1.2,
+            label=label,
+            zorder=4 if own else 3,
+        )
+    colours = cycle(("#4aa3a8", "#c77dba", "#c9a227"))
+    for colour, (truth, group) in zip(colours, groups.items(), strict=False):
+        of_which = f", {truth}" if len(groups) > 1 else ""
+        front = list(_front(group))
+        if len({row.line for row in front}) > 1:  # of a single model it is that model's line
+            axes.step(
+                *zip(*map(_point, front), strict=True), where="post", color=colour,
+                linewidth=6, alpha=0.35, label=f"Pareto front{of_which}", zorder=1,
+            )  # fmt: skip
+        if (floor := max(row.floor for row in group)) > LEAST:
+            axes.axhline(
+                floor, color=colour if of_which else "#888888", linestyle=":", linewidth=1.0,
+                zorder=1, label=f"resolution of the reference{of_which}",
+            )  # fmt: skip
+    axes.set(xscale="log", yscale="log", title=title)
+    axes.set_xlabel("total time (s)")
+    axes.set_ylabel("true relative error of the load factor")
+    few_ticks(axes.xaxis)
+    axes.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def draw_against_facets(axes: Sequence[Axes], rows: Sequence[Row]) -> None:
+    """Error and time of polygons by their facets, and of the cone as a line."""
+    lines: dict[str, list[Row]] = {}
+    for row in sorted((row for row in rows if row.facets), key=lambda row: row.facets or 0):
+        lines.setdefault(row.line, []).append(row)
+    every = sorted({row.facets for row in rows if row.facets})
+    cones = [row for row in rows if row.surface == "conic"][:1]
+    for ax, of, name in zip(
+        axes, (1, 0), ("true relative error of the load factor", "total time (s)"), strict=True
+    ):
+        for order, (label, members) in enumerate(lines.items()):
+            y = [_point(row)[of] for row in members]
+            ax.plot([row.facets or 0 for row in members], y, label=label, **style(order, label))
+        for row in cones:
+            ax.axhline(_point(row)[of], color="#134b73", linestyle="--", label="cone")
+        ax.set(xscale="log", yscale="log" if of else "linear", xlabel="facets K", ylabel=name)
+        ax.set_xticks(every, [str(k) for k in every])
+        ax.set_xticks([], minor=True)
+        ax.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
+    first = max((row for members in lines.values() for row in members), key=lambda r: _point(r)[1])
+    scale = _point(first)[1] * (first.facets or 1) ** 2
+    axes[0].plot(every, [scale / k**2 for k in every], ":", color="#888888", label="1 / K\u00b2")
+    axes[0].legend()
+    axes[1].set_ylim(bottom=0.0)
+
+
+def few_ticks(axis: Axis) -> None:
+    """Labels at 1, 2 and 5 times powers of ten of a logarithmic axis, or at these powers where
+    there is no room; closer where these are less than three."""
+    low, high = axis.get_view_interval()
+    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
+    figure: Any = axis.get_figure(root=True)
+    inches = axis.axes.get_window_extent().size / figure.dpi
+    most = 1.6 * inches[0] if axis is axis.axes.xaxis else 3.0 * inches[1]
+    for steps in ((1, 2, 5), (1, 3), (1,)):
+        found = [k * 10.0**power for power in range(first, last + 1) for k in steps]
+        inside = [value for value in found if low <= value <= high]
+        if len(inside) <= most:
+            break
+    if len(inside) < 3:
+        from matplotlib.ticker import MaxNLocator
+
+        inside = [
+            v
+            for v in MaxNLocator(max(2, min(5, int(most)))).tick_values(low, high)
+            if low <= v <= high
+        ]
+    axis.set_ticks(inside, [f"{value:,.6g}" for value in inside])
+    axis.set_ticks([], minor=True)
+
+
+def style(number: int, label: str) -> dict[str, Any]:
+    others = (
+        "#d62246", "#2a9d5c", "#c77f00", "#8b2fc9", "#0f8a97", "#7a5230", "#d04c96", "#7f8f00",
+        "#3b5bdb", "#b45309",
+    )  # fmt: skip
+    colour = "#134b73" if label.startswith(OWN) else "#767d88"
+    if number < len(others) and not label.startswith(OWN):
+        colour = others[number]  # no colour twice: further ones are grey, with their names beside
+    return {"marker": "os^Dv<>phXPd8"[number % 13], "color": colour}

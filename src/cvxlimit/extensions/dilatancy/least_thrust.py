@@ -1,0 +1,410 @@
+"""Below which load factor no solution without dilatancy lies: proved, from least thrusts of joints.
+
+Let N' be compressions that no admissible state at a load factor between a and c falls below, joint
+by joint. Every solution without dilatancy in that interval has its forces on the friction mu N of
+its own compressions N >= N'. Forces y that balance the loads at a factor F with no more friction
+than mu N' are then among those that its mechanism u resists least of all, so that
+
+    F  =  -f_D . u - y . A' u  <=  -f_D . u - x . A' u  =  its load factor.
+
+No solution lies between a and the smaller one of c and F. The proof is in docs/lower-bound.md. From
+a = 0 on, intervals are excluded one after the other, until friction of the least thrusts at a
+carries no more than a.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+
+from cvxlimit.base.arrays import SMALL, BoolArray, FloatArray
+from cvxlimit.errors import ModelError
+from cvxlimit.extensions.dilatancy.tresca import is_friction, tresca
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.driver import Run
+from cvxlimit.methods.wedging import with_contacts_of
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.program import LimitProgram
+from cvxlimit.model.statement import LargestFactor, Stated
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.gluing import with_contacts
+from cvxlimit.proof.minorant import minorant
+from cvxlimit.reductions.choice import Reductions, contacts_of, loaded_blocks
+from cvxlimit.solvers import LimitState
+from cvxlimit.surfaces.base import number, stated, times
+from cvxlimit.surfaces.coulomb import strength_key
+
+PATIENCE = 2.0
+"""Seconds that an answer may always spend on this bound, else as many as it has taken so far: ten
+times what scenes of some fifty joints need, whose bounds must not hang on what else the machine
+does."""
+
+_LOST = 1e-5
+"""Of the total dead load, spread over all joints: what is known of a least thrust to so much is not
+asked again. All of them together change friction by that share of the load at most."""
+
+_RISE = 1e-4
+"""Relative rise of the bound in a round below which no further one is begun."""
+
+_FAR = 1e3
+"""Load factors, over those of natural size, at which least thrusts show how they grow."""
+
+_FEWER = 0.9
+"""Joint problems for the sum of all open thrusts go on while they leave at most this share open."""
+
+
+@dataclass(frozen=True, eq=False)
+class LowerBound:
+    """No solution without dilatancy has a load factor from 0 up to ``load_factor``.
+
+    Attributes
+    ----------
+    load_factor : float
+        The bound; 0 where nothing is proved.
+    thrusts : (n,)
+        Compressions that every admissible state from there on exceeds, as far as they were used.
+    forces : (n, 6) or None
+        Forces that carry ``load_factor`` or more with the friction of such compressions.
+    rounds, solves : int
+        Of least thrusts, and of convex problems in all.
+    is_cut : bool
+        True if the time ended first; more of it may raise the bound.
+    """
+
+    load_factor: float
+    thrusts: FloatArray
+    forces: FloatArray | None = None
+    rounds: int = 0
+    solves: int = 0
+    is_cut: bool = False
+
+
+def lower_bound(
+    run: Run,
+    upper: float,
+    states: Iterable[tuple[FloatArray, float]] = (),
+    seconds: float = np.inf,
+) -> LowerBound:
+    """The largest load factor below which least thrusts exclude every solution without dilatancy.
+
+    Parameters
+    ----------
+    run : Run
+        Its surfaces may be any whose friction grows with compression; see :func:`is_covered`.
+    upper : float
+        No more is asked for: the load factor of the lowest solution known, or the associated one;
+        infinite where there is none.
+    states : iterable of (forces (n, 6), load factor)
+        Admissible states that are known: what they show need not be sought.
+    seconds : float
+        After which no further least thrust is sought; what those found by then exclude is.
+    """
+    return _Search(run, upper, states, seconds).bound()
+
+
+def excluded_without_end(run: Run, start: float, seconds: float = np.inf) -> LowerBound:
+    """What least thrusts exclude from ``start`` on, of a load of which any multiple is carried with
+    dilatancy. Where that is every solution, however large its load factor, the bound is infinite,
+    and its ``forces`` carry the live load alone with the friction that least thrusts gain with the
+    load factor."""
+    return _Search(run, np.inf, (), seconds).bound(start, has_end=False)
+
+
+def is_covered(run: Run) -> bool:
+    """True if strength depends on forces in such a way that the proof holds: friction grows with
+    compression, and is stated by surfaces, not by a formulation of its own."""
+    if run.formulation is not corner_compressions:
+        return False
+    conditions = [c for s in run.surfaces for c in stated(s, run.contacts)]
+    slopes = [number(c.resistance.get("N", 0.0)) for c in conditions if is_friction(c)]
+    return all(np.min(slope) >= 0.0 for slope in slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class LeastThrust:
+    """Goal: the least weighted sum of compressions at a load factor, scaled."""
+
+    weight: cp.Parameter
+    factor: cp.Parameter
+
+    def __call__(self, into: Stated) -> Any:
+        into.into.zero(into.factor - self.factor)
+        pressure = into.forces["N"]
+        return -np.ones(pressure.size) @ times(self.weight, pressure)
+
+
+class _Thrusts:
+    """Bounds on the least thrust of every joint, its least compression at a load factor.
+
+    ``lines`` are proved bounds from below that are linear in the load factor: constant, slope and
+    rounding (n,) each. ``pressed_by_factor`` has the compressions (n,) of admissible states, which
+    are bounds from above at their load factors, and between those of two states.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.lines = [(np.zeros(count), np.zeros(count), np.zeros(count))]  # none is below zero
+        self.pressed_by_factor: dict[float, FloatArray] = {}
+
+    def least(self, start: float, end: float) -> FloatArray:
+        """Returns the bounds (n,) from below that hold for all load factors from ``start`` to
+        ``end``: the least value of the greatest line, at an end or where two lines cross."""
+        largest = max(abs(start), abs(end))
+        constant, slope, rounding = (np.array(part) for part in zip(*self.lines, strict=True))
+        constant = constant - largest * rounding
+        at = [np.full(constant.shape[1:], end) for end in (start, end)]
+        for i in range(len(constant)):
+            for k in range(i):
+                turn = slope[i] - slope[k]
+                cross = (constant[k] - constant[i]) / np.where(turn != 0.0, turn, np.inf)
+                at.append(np.clip(cross, start, end))
+        found: FloatArray = np.min([(constant + slope * x).max(axis=0) for x in at], axis=0)
+        return found
+
+    def show(self, factor: float, pressed: FloatArray) -> None:
+        """Add an admissible state with compressions ``pressed`` (n,) at a load factor."""
+        before = self.pressed_by_factor.get(factor)
+        self.pressed_by_factor[factor] = pressed if before is None else np.minimum(before, pressed)
+
+    def shown(self, factor: float) -> FloatArray:
+        """Returns the bounds (n,) from above at a load factor: those of states, and of means of two
+        states, which are admissible as well."""
+        result = self.pressed_by_factor.get(factor)
+        count = len(self.lines[0][0])
+        found = np.full(count, np.inf) if result is None else result
+        for low, below in self.pressed_by_factor.items():
+            for high, above in self.pressed_by_factor.items():
+                if low < factor < high:
+                    share = (factor - low) / (high - low)
+                    found = np.minimum(found, (1.0 - share) * below + share * above)
+        return found
+
+
+class _Search:
+    """The search of one run: rounds of least thrusts, and the load factors that they exclude."""
+
+    def __init__(
+        self, run: Run, upper: float, states: Iterable[tuple[FloatArray, float]], seconds: float
+    ) -> None:
+        if not is_covered(run):
+            raise ModelError(
+                "no lower bound without dilatancy: it needs friction that grows with compression, "
+                "stated by surfaces"
+            )
+        self.run, self.until, self.upper = run.auxiliary_run(), time.perf_counter() + seconds, upper
+        self.solves, self.factor, self.rise = 0, 0.0, _RISE
+        self.random = np.random.default_rng(0)
+        # parts without live load carry their dead load by themselves, however they do it
+        given, loaded = run.assemblage, loaded_blocks(run.assemblage.statics)
+        self.kept = np.flatnonzero(contacts_of(given.statics, loaded))
+        self.part = given if loaded.all() else with_contacts(given, self.kept, loaded)
+        self.count = len(run.contacts)
+        self.thrusts = _Thrusts(len(self.kept))
+        for forces, factor in states:
+            self.thrusts.show(factor, forces[self.kept, COLUMN["N"]])
+        with run.clock.phase("compile"):
+            found = self._reduced(run.surfaces)
+            self.weight = cp.Parameter(len(self.kept), nonneg=True)
+            self.at = cp.Parameter()
+            goal = LeastThrust(self.weight, self.at)
+            self.problem = LimitProgram(
+                found.assemblage, run.surfaces, reduction=found.best(), goal=goal
+            )
+        with run.clock.phase("certify"):
+            self.certifier = Certifier(found.assemblage, run.surfaces)
+
+    def bound(self, start: float = 0.0, has_end: bool = True) -> LowerBound:
+        """Returns the bound after rounds of least thrusts, each at the bound so far, until a round
+        hardly raises it. Unless it ``has_end``, each round begins by asking whether all load
+        factors from there on are excluded, and rises that are not worth a word end it."""
+        a, forces, rounds, is_cut = start, None, 0, False
+        self.rise = _RISE if has_end else SMALL
+        while a < self.upper and not self.run.is_boundless(a):
+            rounds += 1
+            is_cut = self._tighten(a)
+            if not (has_end or is_cut):
+                ray = self._endless(a)
+                if ray is not None:
+                    a, forces = np.inf, ray
+                    break
+                self.upper = 2.0 * max(a, self.part.scaling.ratio)
+            before = a
+            a, forces, was_cut = self._excluded(a, forces)
+            is_cut = is_cut or was_cut
+            if is_cut or a - before <= self.rise * a:
+                break
+            self.upper = self.upper if has_end else np.inf
+        thrusts, whole = np.zeros(self.count), None
+        if np.isfinite(a):
+            thrusts[self.kept] = self.thrusts.least(a, a)
+        if forces is not None:
+            whole = np.zeros((self.count, len(COMPONENTS)))
+            whole[self.kept] = forces
+        return LowerBound(a, thrusts, whole, rounds, self.solves, is_cut)
+
+    @property
+    def _is_late(self) -> bool:
+        return time.perf_counter() > self.until
+
+    # Least thrusts
+
+    def _tighten(self, factor: float) -> bool:
+        """Seek the least thrust at a load factor of every joint whose bounds are still apart;
+        returns True if the time ended before."""
+        lost = _LOST * self.part.scaling.force / len(self.kept)
+        self.factor, self.at.value = factor, factor / self.part.scaling.load_factor(1.0)
+        is_asked = self._friction() == 0.0  # or need not be
+
+        def opened() -> BoolArray:
+            gap = self.thrusts.shown(factor) - self.thrusts.least(factor, factor)
+            return np.asarray((gap > lost) & ~is_asked)
+
+        while (is_open := opened()).any():  # all that are open at once: many come out at nothing
+            if self._is_late:
+                return True
+            if self._asked(is_open * self.random.uniform(size=len(is_open))) is None:
+                return False  # no state carries the load at this factor, or none was found
+            if opened().sum() > _FEWER * is_open.sum():
+                break
+        line = [np.zeros(len(self.kept)) for _ in range(3)]
+        while (is_open := opened()).any():
+            if self._is_late:
+                break
+            gap = self._friction() * (
+                self.thrusts.shown(factor) - self.thrusts.least(factor, factor)
+            )
+            j = int(np.where(is_open, gap, -1.0).argmax())
+            is_asked[j] = True
+            weight = np.zeros(len(self.kept))
+            weight[j] = 1.0
+            state = self._asked(weight)
+            if state is None or state.mechanism is None:
+                continue
+            with self.run.clock.phase("certify"):
+                unit = np.zeros((len(self.kept), len(COMPONENTS)))
+                unit[j, COLUMN["N"]] = 1.0
+                rates = state.mechanism * self.part.scaling.live  # a force of one does power one
+                found = minorant(self.certifier, unit, rates)
+            if found is not None:
+                for part, value in zip(line, found, strict=True):
+                    part[j] = value
+        self.thrusts.lines.append((line[0], line[1], line[2]))
+        return bool(is_open.any())
+
+    def _friction(self) -> FloatArray:
+        return np.asarray(self.part.contacts.friction)
+
+    def _asked(self, weight: FloatArray) -> LimitState | None:
+        """Returns the state with the least sum of compressions times ``weight`` (n,), or None."""
+        self.weight.value = weight
+        state = self._solved(self.problem)
+        if state.forces is None:
+            return None
+        self.thrusts.show(self.factor, state.forces[:, COLUMN["N"]])
+        return state
+
+    def _solved(self, problem: LimitProgram) -> LimitState:
+        self.solves += 1
+        return self.run.try_solvers(problem.run, self.run.ladder or problem.ladder()[:2])[0]
+
+    # What they exclude
+
+    def _excluded(
+        self, a: float, forces: FloatArray | None
+    ) -> tuple[float, FloatArray | None, bool]:
+        """Returns the end of the load factors that are excluded from ``a`` on, the forces that show
+        it, and whether the time ended first. Intervals are excluded one after the other; one is
+        halved where friction of its least thrusts does not carry its end."""
+        width = self.upper - a if np.isfinite(self.upper) else self.part.scaling.ratio
+        while a < self.upper and not self.run.is_boundless(a):
+            end = min(a + width, self.upper)
+            least = self.thrusts.least(a, end)
+            factor, found = self._carried(least, 2.0 * end)
+            if factor > a:
+                forces = found
+            rise = min(factor, end) - a
+            a = max(a, a + rise)
+            if self._is_late:
+                return a, forces, a < self.upper
+            if factor >= end:
+                width *= 2.0
+                continue
+            lost = self._friction() @ (self.thrusts.least(a, a) - least)
+            if rise > self.rise * a and rise > 0.5 * width:
+                continue
+            if width <= self.rise * a or lost <= _LOST * self.part.scaling.force:
+                return a, forces, False
+            width *= 0.5
+        return a, forces, False
+
+    def _endless(self, a: float) -> FloatArray | None:
+        """Returns forces (n, 6) that show that all load factors from ``a`` on are excluded.
+
+        Bounds of least thrusts that are lines, c + s alpha, never fall below zero from ``a`` on
+        where they are not below it at ``a`` and s >= 0. Then so much friction carries every such
+        load factor if that of c + s a carries ``a``, and that of s alone the live load alone: the
+        forces of one and a multiple of those of the other are forces for any. Of each joint it
+        takes the line that is highest at ``a``, then the one that is highest far beyond.
+        """
+        contacts = self.part.contacts
+        is_known = strength_key(self.run.surfaces, contacts) is not None
+        if not is_known or np.isfinite(contacts.compressive_strength).any():
+            return None  # stone that crushes has no such multiples
+        far = _FAR * self.part.scaling.ratio + a
+        if self._tighten(far):
+            return None
+        lines = zip(*self.thrusts.lines, strict=True)
+        constant, slope, rounding = (np.array(part) for part in lines)
+        slope = slope - rounding
+        at_a = np.where(slope >= 0.0, constant + slope * a, -1.0)
+        dead, live = self.part.statics.dead, self.part.statics.live
+        for at in (a, far):
+            line = np.where(at_a >= 0.0, constant + slope * at, -1.0).argmax(axis=0)
+            least, gained = (np.take_along_axis(x, line[None], axis=0)[0] for x in (at_a, slope))
+            if self._carrying(dead + a * live, least, contacts.cohesion) is not None:
+                forces = self._carrying(live, gained, 0.0)
+                if forces is not None:
+                    return forces
+        return None
+
+    def _carrying(
+        self, load: FloatArray, pressed: FloatArray, cohesion: FloatArray | float
+    ) -> FloatArray | None:
+        """Returns forces (n, 6) that carry a load alone with cohesion and the friction of these
+        compressions (n,), which is further cohesion."""
+        contacts = self.part.contacts
+        further = contacts.friction * np.maximum(pressed, 0.0) / contacts.area
+        held = replace(contacts, friction=0.0 * contacts.friction, cohesion=cohesion + further)
+        search = ConvexSearch(self.run.auxiliary_run(with_contacts_of(self.part, held)), "full")
+        return search.carrying(load, search.surfaces, self.run.formulation)
+
+    def _carried(self, pressed: FloatArray, most: float) -> tuple[float, FloatArray | None]:
+        """Returns the proved load factor, at most ``most``, that friction of these compressions
+        (n,) carries, and the forces (n, 6); -inf where nothing is proved."""
+        surfaces = tresca(self.run.surfaces, pressed)
+        with self.run.clock.phase("compile"):
+            found = self._reduced(surfaces)
+            goal, reduction = LargestFactor(most=most), found.best()
+            problem = LimitProgram(found.assemblage, surfaces, reduction=reduction, goal=goal)
+        state = self._solved(problem)
+        if state.forces is None or state.load_factor is None:
+            return -np.inf, None
+        with self.run.clock.phase("certify"):
+            certifier = Certifier(found.assemblage, surfaces)
+        if certifier.witnesses.dead_state is None:
+            inside = self._solved(problem.inside())
+            given = certifier.given(inside)
+            if given is not None and inside.load_factor is not None:
+                certifier.offer_dead_state(given, inside.load_factor)
+        with self.run.clock.phase("certify"):
+            bracket = certifier.of(state)
+        return (bracket.lower if bracket.lower_is_proved else -np.inf), state.forces
+
+    def _reduced(self, surfaces: Any) -> Reductions:
+        found = Reductions.of(self.part, surfaces, model=self.run.model)
+        return replace(found, mirror=None, loaded=None)

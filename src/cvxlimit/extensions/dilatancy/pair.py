@@ -1,0 +1,191 @@
+"""The two convex problems whose common answers are the solutions without dilatancy.
+
+Take admissible forces x with the load factor alpha, and a mechanism u of live power 1 whose joints
+do not penetrate. Their *loss* is what friction and cohesion dissipate, less the power of the loads:
+
+    Phi(x, u) = sum over contacts of (mu N + c A) sigma - dead . u - alpha,
+    sigma     = max(|slip|, c_T |twist|).
+
+===========  ===============================================  =====  ===========================
+letter       what it is                                       shape  in the code
+===========  ===============================================  =====  ===========================
+N            compression, positive under pressure             (n,)   forces[:, COLUMN["N"]]
+mu, c, A     friction coefficient, cohesion, area             (n,)   contacts.friction and so on
+c_T          torsion arm (Eq. 16)                             (n,)   contacts.torsion_arm
+slip, twist  relative rates along t1 and t2, and about n      (n,)   statics.relative_rates
+p            price: the opening that dilatancy would add      (n,)   Pair.dilatancy
+===========  ===============================================  =====  ===========================
+
+The loss is never negative, and zero exactly where x and u are a solution. Two convex problems on
+one pattern lower it in turn. For fixed x the least loss over u is the load factor with friction
+held at the compressions of x (:mod:`.tresca`), less alpha. For fixed u the least loss over x is at
+the largest alpha - sum of p N, with the price p = mu sigma. The forces x belong to a solution if
+and only if the load factor with their friction held is their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cvxpy as cp
+import numpy as np
+import scipy.sparse as sp
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.extensions.dilatancy.tresca import HeldFlow, HeldFormulation, tresca
+from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.driver import Run
+from cvxlimit.model.formulations import corner_compressions
+from cvxlimit.model.program import LimitProgram
+from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.reductions.choice import Reductions, contacts_of
+from cvxlimit.solvers import LimitState, SolverSettings, blockwise, clarabel_at
+from cvxlimit.surfaces.base import times
+from cvxlimit.surfaces.coulomb import needed_surfaces
+
+
+@dataclass(frozen=True, eq=False)
+class Priced:
+    """The goal to maximise the load factor less compressions times their ``price`` (n,), the factor
+    being ``most`` at most. Both are scaled as the problem is."""
+
+    price: cp.Parameter
+    most: cp.Parameter
+
+    def __call__(self, stated: Stated) -> Any:
+        stated.into.nonneg(-1.0 * (stated.factor - self.most))
+        return stated.factor - np.ones(self.price.size) @ times(self.price, stated.forces["N"])
+
+
+_NO_CAP = 100.0
+"""Stands for no cap on the scaled load factor, that is so many times the weight of the blocks: all
+that is priced has a finite optimum then, and solvers are not slowed down."""
+
+
+class Reduced:
+    """The smallest model of a run that has the same solutions.
+
+    It takes the reductions of the ``search`` for the associated load factor where that is given. A
+    mirror plane is used only if ``is_symmetric``, where a symmetric answer will do: without
+    dilatancy a symmetric structure may fall on one side.
+
+    Attributes
+    ----------
+    kept : (k,) int array
+        Contacts that the model has, out of n.
+    lift : (n, k) matrix
+        Maps compressions of the kept contacts to those of all.
+    """
+
+    def __init__(
+        self, run: Run, search: ConvexSearch | None = None, is_symmetric: bool = False
+    ) -> None:
+        self.surfaces = needed_surfaces(run.surfaces)
+        if search is None:
+            reductions = Reductions.of(run.assemblage, self.surfaces, model=run.model)
+        else:
+            reductions = search.reductions
+        reductions = reductions if is_symmetric else replace(reductions, mirror=None)
+        self.assemblage, state = reductions.assemblage, None
+        # Unloaded parts may be left out only if a state of theirs carries their dead load.
+        if reductions.loaded is not None:
+            own = search.certifier if search else Certifier(reductions.assemblage, self.surfaces)
+            state = own.witnesses.easy_dead_state
+        self.reduction = reductions.best(state)
+        # Which contacts are left, by the reductions that were chosen.
+        n, names = len(run.contacts), self.reduction.names
+        is_kept = np.ones(n, dtype=bool)
+        if "parts" in names and reductions.loaded is not None:
+            is_kept = contacts_of(run.assemblage.statics, reductions.loaded)
+        if reductions.mirror is not None:
+            is_kept = is_kept & (np.arange(n) <= reductions.mirror.contacts)
+        # Compressions of all contacts from those: the rows and columns of N in the map of forces.
+        self.kept, lift, at = np.flatnonzero(is_kept), self.reduction.forces, COLUMN["N"]
+        each = slice(at, None, len(COMPONENTS))
+        self.lift = sp.eye_array(n, format="csr") if lift is None else lift[each][:, each].tocsr()
+
+    def problem(self, goal: Goal = LARGEST_FACTOR) -> LimitProgram:
+        """Returns the problem with friction as it is."""
+        return LimitProgram(self.assemblage, self.surfaces, reduction=self.reduction, goal=goal)
+
+    def held(self, pressed: cp.Parameter, tilt: float = 0.0) -> LimitProgram:
+        """Returns the problem with friction held at compressions (k,) of the kept contacts;
+        ``tilt`` as in :func:`~.tresca.held`."""
+        reduction, own = self.reduction, self.reduction.formulation
+        if own is not corner_compressions:
+            reduction = replace(reduction, formulation=HeldFormulation(own, pressed, tilt))
+        surfaces = tresca(self.surfaces, pressed, tilt)
+        return LimitProgram(self.assemblage, surfaces, reduction=reduction)
+
+
+class Pair:
+    """Both problems of a run on the smallest model, each starting from its last answer.
+
+    Attributes
+    ----------
+    solved : int
+        How many problems were solved.
+    slip : HeldFlow
+        The flow rule of resultants with friction held.
+    has_cones : bool
+        Whether friction, or anything else on the smallest model, is no linear limit.
+    """
+
+    def __init__(
+        self, run: Run, search: ConvexSearch | None = None, is_symmetric: bool = False
+    ) -> None:
+        self.run, self.solved = run, 0
+        with run.clock.phase("compile"):
+            reduced = Reduced(run, search, is_symmetric)
+            self._kept, self._lift = reduced.kept, reduced.lift
+            self.slip = HeldFlow(reduced.surfaces, run.assemblage.contacts)
+            self._price, self._pressed = (cp.Parameter(len(self._kept)) for _ in range(2))
+            self._most = cp.Parameter()
+            self._priced = reduced.problem(Priced(self._price, self._most))
+            self._held = reduced.held(self._pressed)
+            self._price.value, self._most.value = np.zeros(len(self._kept)), 1.0
+            self.has_cones = self._priced.shape.cones > 0
+
+    def priced(self, price: FloatArray, tolerance: float, cap: float = np.inf) -> LimitState:
+        """Solves for the largest load factor, up to a ``cap``, less prices (n,) times compressions,
+        and returns the state."""
+        unit = self.run.scaling.load_factor(1.0)
+        self._most.value = min(cap / unit, _NO_CAP)
+        self._price.value = self.run.scaling.live * (self._lift.T @ price)
+        state, settings = self._solved(self._priced, tolerance)
+        self.run.note(state, f"{settings}, compressions priced")
+        return state
+
+    def held(self, pressed: FloatArray, tolerance: float) -> LimitState:
+        """Solves with friction held at compressions (n,), and returns the state with its load
+        factor and mechanism."""
+        self._pressed.value = np.maximum(pressed, 0.0)[self._kept]
+        state, settings = self._solved(self._held, tolerance)
+        self.run.note(replace(state, load_factor=None), f"{settings}, friction held")
+        return state
+
+    def _solved(self, problem: LimitProgram, tolerance: float) -> tuple[LimitState, SolverSettings]:
+        self.solved += 1
+        return self.run.try_solvers(problem.run, self.run.ladder or ladder(tolerance))
+
+    def dilatancy(self, mechanism: FloatArray) -> FloatArray:
+        """Returns the price (n,) of a mechanism (free, 6): the opening that dilatancy would add to
+        it at live power 1."""
+        statics = self.run.assemblage.statics
+        unit = mechanism / float(statics.live @ mechanism.ravel())
+        return self.slip.dilatancy(self.slip.shortfall(statics.relative_rates(unit)))
+
+
+def ladder(tolerance: float) -> Sequence[SolverSettings]:
+    """Returns our own solver, which starts warm, and Clarabel for where it fails."""
+    return (*blockwise(tolerance), *clarabel_at(tolerance))
+
+
+def pressed(state: LimitState) -> FloatArray:
+    """Returns the compressions (n,) of a state that has forces."""
+    assert state.forces is not None
+    return state.forces[:, COLUMN["N"]]

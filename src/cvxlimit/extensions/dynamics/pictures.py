@@ -1,0 +1,97 @@
+"""Pictures of a scene in time, as :func:`cvxlimit.shake` moves it: curve, film and frame."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.base.checks import meant
+from cvxlimit.errors import InputError
+from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
+from cvxlimit.plotting.look import SPEED_STOPS, WAY_TEXT, printable, saved
+from cvxlimit.plotting.picture import seen
+from cvxlimit.plotting.pictures.animation import Animation, frames_of
+from cvxlimit.plotting.registry import figures
+from cvxlimit.results.movement import motions_of
+
+_COLOURS = ("#f59e0b", "#8b2fc9", "#2a9d8f", "#134b73")
+"""Of the runs, the best one last."""
+
+_PER_SECOND = 12
+"""Frames of a film in each second, which is one of the motion where that is long enough."""
+
+_FEWEST, _MOST = 16, 120
+"""Frames of a film."""
+
+
+def draw_shaking(
+    shaking: Any, kind: str, file: str | os.PathLike[str] | None, options: dict[str, Any]
+) -> Any:
+    """Draws the picture of that ``kind``; returns it, or the file it is saved to."""
+    kinds: dict[str, Callable[..., Any]] = {"curve": curve, "film": film, "frame": frame}
+    if kind not in kinds:
+        raise InputError(
+            f"motion in time has no picture {kind!r}: choose one of {', '.join(kinds)}"
+            + meant(kind, kinds, before="; ")
+        )
+    picture = kinds[kind](shaking, **options)
+    return picture if file is None else saved(picture, file, options)
+
+
+def curve(shaking: Any, **options: Any) -> Any:
+    """A figure of displacement over time, with all runs."""
+    chart = figures("chart").Chart.of(options, (6.4, 4.4))
+    unit = printable(shaking.scene.units.length)
+    for each, colour in zip(shaking.histories, _COLOURS, strict=True):
+        label = f"step {1e3 * each.step:.2g} ms, contacts {1e3 * each.time_constant:.2g} ms"
+        width = 2.0 if each is shaking.histories[-1] else 1.0
+        chart.axes.plot(each.times, shaking.displacement(each), color=colour, lw=width, label=label)
+    chart.axes.axvspan(0.0, shaking.record.duration, color="#888888", alpha=0.15, lw=0)
+    of = "largest of all blocks" if shaking.control is None else f"block {shaking.control[0]!r}"
+    label = f"displacement ({unit}), {printable(of)}"
+    chart.axes.set(xlabel="time (s), the record shaded", ylabel=label)
+    chart.write(_title(shaking))
+    chart.write_legend()
+    return chart.figure
+
+
+def film(shaking: Any, *, viewer: Viewer = None, **options: Any) -> Animation:
+    """An animation of the best run, as the ground sees it."""
+    last = float(shaking.histories[-1].times[-1])
+    count = int(np.clip(round(_PER_SECOND * last), _FEWEST, _MOST))
+    times = np.linspace(0.0, last, count).tolist()
+    drawing, motions = _drawing(shaking, times, viewer)
+    frames = frames_of(drawing, motions, [f"{time:.2f} s" for time in times], options)
+    return Animation(frames, max(last, count / _PER_SECOND))
+
+
+def frame(shaking: Any, *, time: float | None = None, viewer: Viewer = None, **options: Any) -> Any:
+    """A picture of one moment of the best run, its end by itself."""
+    drawing, _ = _drawing(shaking, [time], viewer)
+    toolkit = figures()
+    return toolkit.assembled(drawing, seen(drawing), toolkit.Sheet(**options))[0]
+
+
+def _drawing(shaking: Any, times: Any, viewer: Viewer) -> tuple[Drawing, Any]:
+    """The drawing of the moment that moved most, and the motions to all."""
+    scene = shaking.scene
+    motions = motions_of(scene, [shaking.configuration(time) for time in times])
+    largest = max(motions, key=lambda motion: motion.largest)
+    return Drawing(
+        scene, largest, camera_for(scene, largest, viewer), _title(shaking),
+        "blocks as they move, seen from the ground. Nothing here is proved",
+        bar=Bar(SPEED_STOPS, WAY_TEXT),
+    ), motions  # fmt: skip
+
+
+def _title(shaking: Any) -> str:
+    name = f"{printable(shaking.scene.name)}, {printable(shaking.record.name)}"
+    if shaking.ending is None:
+        return f"{name}: not decided, runs differ"
+    end = {"falls": "falls", "stands": "stands", "moves": "does not fall, still moves"}
+    peak = f"{shaking.peak.value:.3g} {printable(shaking.scene.units.length)}"
+    words = end[shaking.ending]
+    return f"{name}: {words}" + ("" if shaking.falls else f", moved by {peak} at most")

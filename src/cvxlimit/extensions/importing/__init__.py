@@ -1,0 +1,33 @@
+"""Geometry files read as scenes: OBJ, STL, PLY, glTF, OFF, DXF, COMPAS assemblies, tables of boxes.
+
+Its doors are ``cvxlimit.readers`` (formats, by suffix), ``cvxlimit.commands`` (``import``),
+``cvxlimit.files`` and ``cvxlimit.readings``. To read: ``reading.py``, from files to a scene;
+``bodies.py``, what a reader returns; ``obj.py``, ``off.py``, ``tables.py``, ``dxf.py``,
+``meshes.py`` and ``compas.py``, the formats; ``sheets.py``, ``digits.py`` and ``supports.py``, what
+is made of bodies; ``compas_results.py``, the way back; ``command.py``.
+"""
+
+from cvxlimit.base.doors import Offered
+
+OFFERED: Offered = {
+    "cvxlimit.commands": {"import": "cvxlimit.extensions.importing.command:import_command"},
+    "cvxlimit.files": {
+        "Imported": "cvxlimit.extensions.importing.reading:Imported",
+        "import_geometry": "cvxlimit.extensions.importing.reading:import_geometry",
+        "read_bodies": "cvxlimit.extensions.importing.reading:read_bodies",
+    },
+    "cvxlimit.readers": {
+        ".obj": "cvxlimit.extensions.importing.reading:obj_file",
+        ".json": "cvxlimit.extensions.importing.reading:json_file",
+        ".csv": "cvxlimit.extensions.importing.reading:table_file",
+        ".off": "cvxlimit.extensions.importing.reading:off_file",
+        ".dxf": "cvxlimit.extensions.importing.dxf:read_dxf",
+        **dict.fromkeys(
+            (".stl", ".ply", ".glb", ".gltf"), "cvxlimit.extensions.importing.reading:mesh_file"
+        ),
+    },
+    "cvxlimit.readings": {
+        "scene_from_compas": "cvxlimit.extensions.importing.reading:of_compas",
+        "solution_to_compas": "cvxlimit.extensions.importing.compas_results:results",
+    },
+}

@@ -1,0 +1,251 @@
+"""COMPAS assemblies, as objects or in JSON: compas_assembly, compas_cra, compas_dem, compas_model.
+
+What follows is of files, which are read as plain data.
+
+An assembly is a graph whose nodes carry blocks; a block model is a list of elements with
+materials. Layers named ``data`` (COMPAS 2) or ``value`` (COMPAS 1) wrap every object. COMPAS 0.x
+has no such layers and no names of types: an assembly is a network beside a table of its blocks, a
+mesh its vertices and faces. No code of COMPAS runs and no object of it is made.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.errors import InputError
+from cvxlimit.extensions.importing.bodies import Body
+from cvxlimit.io.fields import mapping, number, shown
+
+_WRAPPERS = ("data", "value")
+
+_DEEPEST = 12
+"""Wrapping layers, lists in lists, and levels of groups in a block model; real files have three."""
+
+
+def bodies_of(model: Any) -> list[Body]:
+    """Of a model its elements, placed and cut by COMPAS, under their numbers in its graph; of an
+    assembly or meshes what a file of them would hold."""
+    if isinstance(model, (list, tuple)):
+        return _listed(model, bodies_of)
+    if not hasattr(model, "elements"):
+        return read_compas(json.loads(model.to_jsonstring()))
+    elements = [each for each in model.elements() if type(each).__name__ != "Group"]
+    marked, result = any(getattr(each, "is_support", False) for each in elements), []
+    for each in elements:
+        if not hasattr(mesh := each.modelgeometry, "to_vertices_and_faces"):
+            kind = type(mesh).__name__
+            raise InputError(f"element {each.graphnode} has a {kind} as geometry: mesh it first")
+        vertices, faces = mesh.to_vertices_and_faces()
+        support = bool(getattr(each, "is_support", False)) if marked else None
+        density = getattr(each.material, "density", None)
+        points = np.array(vertices, dtype=float).reshape(-1, 3)
+        result.append(Body(str(each.graphnode), points, faces, support, density))
+    return result
+
+
+def is_object(value: object) -> bool:
+    """Whether ``value`` is an object of COMPAS, or a list of such, or of lists of such."""
+    while isinstance(value, (list, tuple)) and value:
+        value = value[0]
+    return hasattr(value, "to_jsonstring")
+
+
+def is_compas(document: object) -> bool:
+    leaves = [leaf for _, leaf in _leaves(document)]
+    return bool(leaves) and all(map(_is_one, leaves))
+
+
+def _is_one(document: object) -> bool:
+    if not isinstance(document, dict):
+        return False
+    is_old = document.keys() >= {"assembly", "blocks"} or document.keys() >= {"vertex", "face"}
+    return is_old or "compas" in str(document.get("dtype", ""))
+
+
+def _leaves(value: Any, places: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
+    """What is in a list, and in lists in it, with its place: "2.0" is the first of the third."""
+    if not isinstance(value, (list, tuple)):
+        yield ".".join(places), value
+        return
+    if len(places) > _DEEPEST:
+        raise InputError("lists of blocks are nested too deeply; flatten them")
+    for i, each in enumerate(value):
+        yield from _leaves(each, (*places, str(i)))
+
+
+def _listed(value: object, bodies: Callable[[Any], list[Body]]) -> list[Body]:
+    """The bodies in a list, named for their places; those of an assembly in it also for their
+    nodes."""
+    return [
+        replace(body, name=f"{place}.{body.name}" if body.name else place)
+        for place, leaf in _leaves(value)
+        for body in bodies(leaf)
+    ]
+
+
+def read_compas(document: object) -> list[Body]:
+    if isinstance(document, list):
+        return _listed(document, read_compas)
+    content = _content(document)
+    if "assembly" in content and "blocks" in content:
+        return list(_of_network(content))
+    if "vertex" in content and "face" in content:
+        return [_block("", content, None, None)]
+    if "elements" in content:
+        return list(_of_model(content))
+    graph = _content(content.get("graph", content))
+    nodes = graph.get("node")
+    if not isinstance(nodes, dict) or not nodes:
+        raise InputError(
+            "the COMPAS file has neither elements nor a graph of blocks: write an assembly or a "
+            "block model"
+        )
+    return list(_of_assembly(nodes))
+
+
+def _of_assembly(nodes: Mapping[str, Any]) -> Iterator[Body]:
+    marked = any(isinstance(n, dict) and n.get("is_support") for n in nodes.values())
+    for key in sorted(nodes, key=_by_number):
+        node = nodes[key]
+        if not isinstance(node, dict) or node.get("block") is None:
+            raise InputError(f"node {shown(key)} of the assembly has no block")
+        mesh = _content(node["block"])
+        attributes = mesh.get("attributes")
+        own = attributes.get("density") if isinstance(attributes, dict) else None
+        stated = node.get("density", own)
+        yield _block(key, mesh, bool(node.get("is_support")) if marked else None, stated)
+
+
+def _of_network(content: Mapping[str, Any]) -> Iterator[Body]:
+    """Reads a network as COMPAS 0.x writes it; its networks call nodes vertices, in some
+    versions."""
+    network = mapping(content["assembly"], "the assembly")
+    nodes = mapping(network.get("node") or network.get("vertex") or {}, "nodes of the assembly")
+    blocks = mapping(content["blocks"], "blocks of the assembly")
+    lost = [key for key in nodes if key not in blocks]
+    if lost or not blocks:
+        raise InputError(f"node {shown(lost[0])} of the assembly has no block" if lost else
+                         "the assembly has no blocks")  # fmt: skip
+    known = {key: mapping(nodes.get(key, {}), f"node {shown(key)}") for key in blocks}
+    marked = any(node.get("is_support") for node in known.values())
+    for key in sorted(blocks, key=_by_number):
+        mesh = mapping(blocks[key], f"block {shown(key)}")
+        yield _block(key, mesh, bool(known[key].get("is_support")) if marked else None,
+                     known[key].get("density"))  # fmt: skip
+
+
+def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
+    elements = mapping(content["elements"], "elements of the block model")
+    materials = mapping(content.get("materials") or {}, "materials of the block model")
+    densities = {key: _content(value).get("density") for key, value in materials.items()}
+    marked = any(_content(element).get("is_support") for element in elements.values())
+    whole = _transformation(content.get("transformation"), "the block model")
+    placed = dict(_tree(content, elements, whole))
+    for number_, key in enumerate(elements):
+        element = _content(elements[key])
+        name = str(number_)
+        if element.get("features"):
+            raise InputError(
+                f"block {name!r} has features (cuts or joints), which only COMPAS can apply: "
+                "write the finished meshes"
+            )
+        if element.get("geometry") is None:
+            continue  # a group
+        own = _transformation(element.get("transformation"), f"block {name!r}")
+        material = element.get("material")
+        yield _block(
+            name,
+            _content(element["geometry"]),
+            bool(element.get("is_support")) if marked else None,
+            densities.get(material) if isinstance(material, str) else None,
+            placed.get(key, whole) @ own,
+        )
+
+
+def _tree(
+    content: Mapping[str, Any], elements: Mapping[str, Any], whole: FloatArray
+) -> Iterator[tuple[str, FloatArray]]:
+    tree = content.get("tree")
+    root = tree.get("root") if isinstance(tree, dict) else None
+    todo = [(root, whole, 0)] if isinstance(root, dict) else []
+    seen = 0
+    while todo:
+        node, transformation, depth = todo.pop()
+        seen += 1
+        if depth > _DEEPEST or seen > 10 * len(elements) + 10:
+            raise InputError("groups of the block model are nested too deeply; flatten them")
+        key = node.get("element")
+        if isinstance(key, str) and key in elements:
+            yield key, transformation
+            own = _content(elements[key]).get("transformation")
+            transformation = transformation @ _transformation(own, f"element {shown(key)}")
+        children = node.get("children") or []
+        if isinstance(children, list):
+            todo += [(c, transformation, depth + 1) for c in children if isinstance(c, dict)]
+
+
+def _block(
+    name: str,
+    mesh: Mapping[str, Any],
+    is_support: bool | None,
+    density: object,
+    transformation: FloatArray | None = None,
+) -> Body:
+    where = f"block {shown(name)}"
+    if "vertex" not in mesh or "face" not in mesh:
+        raise InputError(f"{where} is no mesh of vertices and faces: convert it to one")
+    vertices = mapping(mesh["vertex"], f"vertices of {where}")
+    place = {key: i for i, key in enumerate(vertices)}
+    rows = []
+    for key, vertex in vertices.items():
+        point = mapping(vertex, f"vertex {shown(key)} of {where}")
+        rows.append(
+            [number(point.get(x, 0.0), f"{x} of vertex {shown(key)} of {where}") for x in "xyz"]
+        )
+    faces = []
+    for key, face in mapping(mesh["face"], f"faces of {where}").items():
+        if not isinstance(face, list):
+            raise InputError(f"face {shown(key)} of {where} must be a list, got {shown(face)}")
+        unknown = [v for v in face if str(v) not in place]
+        if unknown:
+            raise InputError(f"face {shown(key)} of {where} names vertex {shown(unknown[0])}, "
+                             "which is not there")  # fmt: skip
+        faces.append([place[str(v)] for v in face])
+    points = np.array(rows, dtype=float).reshape(-1, 3)
+    if transformation is not None:
+        points = points @ transformation[:3, :3].T + transformation[:3, 3]
+    stated = None if density is None else number(density, f"density of {where}")
+    return Body(name, points, faces, is_support, stated)
+
+
+def _transformation(value: object, where: str) -> FloatArray:
+    if value is None:
+        return np.eye(4)
+    try:
+        matrix = np.array(_content(value).get("matrix"), dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"the transformation of {where} must be a 4 x 4 matrix") from error
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise InputError(f"the transformation of {where} must be a 4 x 4 matrix of finite numbers")
+    return matrix
+
+
+def _content(value: object) -> dict[str, Any]:
+    for _ in range(_DEEPEST):
+        if not isinstance(value, dict):
+            break
+        inner = next((value[w] for w in _WRAPPERS if isinstance(value.get(w), dict)), None)
+        if inner is None or ("dtype" not in value and "datatype" not in value):
+            return value
+        value = inner
+    raise InputError(f"a COMPAS object must be an object {{...}}, got {shown(value)}")
+
+
+def _by_number(key: str) -> tuple[int, int | str]:
+    return (0, int(key)) if key.isdecimal() and len(key) < 20 else (1, key)

@@ -1,0 +1,456 @@
+"""From geometry files to a scene: every file read, every body a block, nothing guessed."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cvxlimit.base.checks import positive
+from cvxlimit.base.doors import Door
+from cvxlimit.errors import GeometryError, InputError
+from cvxlimit.extensions.importing.bodies import Body, natural, separated
+from cvxlimit.extensions.importing.compas import bodies_of, is_compas, is_object, read_compas
+from cvxlimit.extensions.importing.digits import is_single, too_few_digits, with_noise
+from cvxlimit.extensions.importing.meshes import read_mesh
+from cvxlimit.extensions.importing.obj import read_obj
+from cvxlimit.extensions.importing.off import read_off
+from cvxlimit.extensions.importing.sheets import is_sheet, with_slabs
+from cvxlimit.extensions.importing.supports import LOWEST, refuse_all_lowest, supports_of
+from cvxlimit.extensions.importing.tables import read_table
+from cvxlimit.geometry.blocks import Block
+from cvxlimit.geometry.solids import solid
+from cvxlimit.io.fields import (
+    LARGEST_NUMBER,
+    decoded,
+    file_prefix,
+    one_line,
+    parsed,
+    read_bytes,
+    refusals,
+    shown,
+)
+from cvxlimit.scene import METRES, Load, Scene, Units
+from cvxlimit.scene.units import KILONEWTONS
+
+AXES = ("x", "y", "z")
+
+G = 9.80665
+"""Standard gravity, m/s²."""
+
+STONE = (5.0, 40.0)
+"""Weights per volume in kN/m³ between which all stones and bricks lie: pumice has 6, basalt 31."""
+
+_IGNORED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".txt", ".md")
+"""Companions of geometry files, silently left alone in a folder."""
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A scene made from geometry files, and what was noticed on the way.
+
+    Attributes
+    ----------
+    scene : Scene
+    files : tuple of str
+        The files read, in order.
+    notes : tuple of str
+        Decisions taken on the way: bodies separated, values of the files overruled.
+    """
+
+    scene: Scene
+    files: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def import_geometry(
+    paths: Any,
+    *,
+    length_unit: str,
+    up: str,
+    friction: float,
+    live: ArrayLike | Load,
+    density: float | None = None,
+    density_factor: float | None = None,
+    supports: str | Sequence[str] | None = None,
+    force_unit: str = "kN",
+    joint_tolerance: float | None = None,
+    name: str | None = None,
+    to_unit: str | None = None,
+) -> Imported:
+    """A scene from OBJ, STL, PLY, glTF, OFF, DXF, COMPAS or CSV files.
+
+    Every object of an OBJ file is a block (every group where there is one object), every node of a
+    COMPAS assembly, every row of a table, every closed shell of an STL, PLY, glTF or OFF mesh, and
+    every solid, mesh, closed polyline with a thickness or shell of 3D faces of a DXF drawing.
+    Geometry files do not state units, supports and friction: these are arguments.
+
+    Parameters
+    ----------
+    paths
+        A file, a folder of files, or several of either; or an object of COMPAS in their place: see
+        :meth:`~cvxlimit.scene.Scene.from_compas`.
+    length_unit : str
+        Unit of the files' coordinates, for example "m".
+    up : "x", "y" or "z"
+        Axis that points up: the dead load is the own weight against it. Nothing is turned.
+    friction : float
+        Coulomb coefficient of all contacts.
+    live : (3,) or Load
+        Multiples of each block's weight in the files' axes, or any load.
+    density : float or None
+        Weight per volume of all blocks, in force per length unit cubed; None takes what the files
+        state.
+    density_factor : float or None
+        Turns the files' densities into weights per volume; must be given where a COMPAS file's
+        densities are used (kg/m3 to kN/m3: 0.00980665).
+    supports : "lowest", ids, or None
+        Fixed blocks: the lowest ones (within 1 % of the height), those named, or, with None, those
+        that the files mark. Ground may be a plane of no thickness, a face or several in one plane:
+        it can only be a support, and is one with None where no file marks any, and with "lowest"
+        where it is lowest, without the stones that stand on it.
+    force_unit : str
+    joint_tolerance : float or None
+        See :class:`~cvxlimit.scene.Scene`.
+    name : str or None
+        Of the scene; the file's name unless given.
+    to_unit : str or None
+        Coordinates are converted to this unit first, from mm to m for example; densities, loads and
+        the tolerance are in it. None converts nothing.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, a body is no block, or something that was asked for is missing:
+        one line naming the file and the block.
+    ModelError
+        If a format needs trimesh or ezdxf and it is not installed.
+
+    Example
+    -------
+    >>> import pathlib, tempfile
+    >>> table = pathlib.Path(tempfile.mkdtemp(), "tower.csv")
+    >>> _ = table.write_text('''id,xmin,ymin,zmin,xmax,ymax,zmax
+    ... ground,-1,-1,-1,2,2,0
+    ... tower,0,0,0,1,1,4
+    ... ''')
+    >>> found = import_geometry(
+    ...     table, length_unit="m", up="z", density=20, friction=0.7, supports=["ground"],
+    ...     live=(1, 0, 0),
+    ... )
+    >>> found.scene.contacts.names
+    ('ground-tower',)
+    """
+    with refusals():
+        if up not in AXES:
+            raise InputError(f"up must be x, y or z, got {up!r}")
+        if joint_tolerance is not None:
+            positive(joint_tolerance, "joint_tolerance")
+        notes, own = list[str](), is_object(paths)
+        files = [] if own else _files(paths)
+        bodies = _unique(bodies_of(paths) if own else _read(files, notes), notes)
+        _check_coordinates(bodies)
+        blurred, is_single_precision = too_few_digits(bodies), is_single(bodies)
+        notes += _other_units(bodies, length_unit)
+        bodies, unit = _converted(bodies, length_unit, to_unit)
+        bodies = _with_densities(
+            bodies,
+            density,
+            density_factor,
+            own or any(file.suffix.lower() == ".json" for file in files),
+            notes,
+        )
+        if len(unstated(bodies, density, supports)) > 1:
+            raise InputError(
+                "no file marks supports or states densities: say which blocks are fixed "
+                "(--supports lowest, or their ids with commas between them), and give --density "
+                "(weight per volume)"
+            )
+        axis = np.eye(3)[AXES.index(up)]
+        try:
+            fixed = supports_of(bodies, supports, axis, notes)
+            bodies = with_slabs(bodies, fixed, notes)
+            with refusals(file_prefix(files[0]) if len(files) == 1 else ""):
+                blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
+            if supports == LOWEST:
+                refuse_all_lowest(bodies, fixed, axis)
+        except InputError as error:
+            if blurred:
+                error.args = (f"{blurred} ({error})",)
+            raise
+        if blurred and is_single_precision:  # round numbers in a text may just be round
+            notes.append(blurred)
+        down = tuple((-axis + 0.0).tolist())
+        scene = Scene(
+            blocks=blocks,
+            supports=tuple(body.name for body in bodies if body.name in fixed),
+            live=live if isinstance(live, Load) else Load(acceleration=live),  # type: ignore[arg-type]
+            dead=Load(gravity=down),
+            friction=friction,
+            units=Units(unit, force_unit),
+            name=name or (str(getattr(paths, "name", "compas")) if own else files[0].stem),
+            joint_tolerance=joint_tolerance,
+        )
+        if joint_tolerance is None:
+            scene = with_noise(
+                scene, bodies, lambda body, wider: _block(body, body.name in fixed, wider), notes
+            )
+        notes += _strange_density(scene)
+        return Imported(scene, tuple(map(str, files)), tuple(notes))
+
+
+def _converted(bodies: list[Body], given: str, asked: str | None) -> tuple[list[Body], str]:
+    if asked is None:
+        return bodies, given
+    times = _metres(given) / _metres(asked)
+    return [replace(body, vertices=times * body.vertices) for body in bodies], asked
+
+
+def _other_units(bodies: Sequence[Body], given: str) -> Iterator[str]:
+    """Yields a sentence for each unit that a file states and that is not the one given."""
+    for unit in sorted({body.unit for body in bodies if body.unit not in (None, given)} - {None}):
+        number = sum(body.unit == unit for body in bodies)
+        yield (
+            f"the unit of {number} block{'s' * (number > 1)} is {unit} in the file, and "
+            f"{given} is what was asked for: check --length-unit"
+        )
+
+
+def _metres(unit: str) -> float:
+    if unit not in METRES:
+        raise InputError(
+            f"there is no conversion of length unit {unit!r}: it must be one of {', '.join(METRES)}"
+        )
+    return METRES[unit]
+
+
+def of_compas(model: Any, live: ArrayLike | Load | None, **given: Any) -> Scene:
+    """See :meth:`cvxlimit.scene.Scene.from_compas`."""
+    if not is_object(model):
+        raise InputError(
+            f"model must be an object of COMPAS, got {model!r:.60}: of files, "
+            "cvxlimit.io.import_geometry makes a scene"
+        )
+    length = METRES.get(given.get("to_unit") or given["length_unit"])
+    force = KILONEWTONS.get(given.get("force_unit", "kN"))
+    if length is not None and force is not None:  # kg/m3 as weight per volume
+        given.setdefault("density_factor", 1e-3 * G / force * length**3)
+    return import_geometry(model, live=(1.0, 0.0, 0.0) if live is None else live, **given).scene
+
+
+def _strange_density(scene: Scene) -> list[str]:
+    """A word where blocks are far lighter or heavier than stone, as a rule by another unit."""
+    units, blocks = scene.units, [scene.blocks[i] for i in scene.free]
+    if units.length not in METRES or units.force not in KILONEWTONS or not blocks:
+        return []
+    given = scene.total_weight / sum(block.volume for block in blocks)
+    mean = given * KILONEWTONS[units.force] / METRES[units.length] ** 3
+    low, high = STONE
+    if low <= mean <= high:
+        return []
+    return [
+        f"the mean density is {mean:.3g} kN/m³, which no stone has ({low:g} to {high:g}): check "
+        "--density and --length-unit, or convert coordinates with --to-unit"
+    ]
+
+
+def sketch(error: GeometryError) -> Scene | None:
+    """The body that ``error`` refuses, as an unchecked scene to draw; None if there is none."""
+    body = error.body
+    if not isinstance(body, Body) or not (
+        faces := tuple(tuple(face) for face in body.faces if len(set(face)) > 2)
+    ):
+        return None
+    block = Block(
+        id=body.name,
+        vertices=body.vertices,
+        faces=faces,
+        density=0.0,
+        volume=1.0,
+        centroid=body.vertices.mean(axis=0),
+    )
+    turning = Load(forces={body.name: (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)})  # a scene needs some load
+    below = replace(block, id=f"{body.name} below")  # and a support, neither of which is drawn
+    scene = Scene((block, below), (below.id,), turning, name=body.name)
+    return scene._copy(blocks=(block,), supports=())
+
+
+def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) -> list[Body]:
+    """All bodies in a geometry file, as given; meshes that hold several are separated. ``notes``
+    gets a sentence on what is left out.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no body: one line that names it.
+    """
+    file = Path(path)
+    with refusals(file_prefix(path)):
+        read = READERS.get(file.suffix.lower())
+        if read is None:
+            raise InputError(
+                f"cannot tell the format from {file.suffix or file.name!r}: give a file that ends "
+                f"in {', '.join(READERS)}, or a folder of such files"
+            )
+        bodies = read(file, [] if notes is None else notes)
+        if not any(len(body.faces) or body.is_box for body in bodies):
+            raise InputError("the file holds no faces; export the blocks as meshes")
+        return [part for body in bodies for part in separated(body)]
+
+
+def obj_file(path: Path, notes: list[str]) -> list[Body]:
+    return read_obj(decoded(read_bytes(path)))
+
+
+def off_file(path: Path, notes: list[str]) -> list[Body]:
+    return read_off(decoded(read_bytes(path)))
+
+
+def table_file(path: Path, notes: list[str]) -> list[Body]:
+    return read_table(decoded(read_bytes(path)))
+
+
+def mesh_file(path: Path, notes: list[str]) -> list[Body]:
+    return read_mesh(path)
+
+
+def json_file(path: Path, notes: list[str]) -> list[Body]:
+    document = parsed(read_bytes(path))
+    if isinstance(document, dict) and document.get("format") == "cvxlimit-scene":
+        raise InputError("this is a scene already: solve it, there is nothing to import")
+    if not is_compas(document):
+        raise InputError(
+            "this JSON holds no blocks that are known: neither a 'dtype' of COMPAS nor, as its "
+            "versions before 1 write them, 'assembly' beside 'blocks', or 'vertex' beside 'face'"
+        )
+    return read_compas(document)
+
+
+READERS: Mapping[str, Callable[[Path, list[str]], list[Body]]] = Door("cvxlimit.readers")
+"""Reader by suffix, of a file and the notes on what it leaves out; those of other distributions
+among them."""
+
+
+Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+
+
+def bodies_in(paths: Paths) -> list[Body]:
+    """All bodies of files and folders, by name."""
+    return _unique(_read(_files(paths), []), [])
+
+
+def _files(paths: Paths) -> list[Path]:
+    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    if not given:
+        raise InputError("no geometry is given: name a file or a folder")
+    result = []
+    for path in map(Path, given):
+        if not path.is_dir():
+            result.append(path)
+            continue
+        visible = [p for p in path.iterdir() if not p.name.startswith(".")]
+        inside = sorted(visible, key=lambda p: natural(p.name))
+        if len(inside) > 100_000:  # more is a mistake
+            raise InputError(f"{path}: {len(inside)} files are too many; split the folder")
+        known = [p for p in inside if p.suffix.lower() in READERS]
+        strange = [p for p in inside if p not in known and p.suffix.lower() not in _IGNORED]
+        if not known or strange:
+            what = f"also holds {strange[0].name!r}" if strange else "holds no geometry"
+            raise InputError(
+                f"{one_line(str(path))}: the folder {one_line(what)}; give a folder of "
+                f"{', '.join(READERS)} files only"
+            )
+        result += known
+    return result
+
+
+def _read(files: Sequence[Path], notes: list[str]) -> list[Body]:
+    result: list[Body] = []
+    for file in files:
+        bodies = read_bodies(file, notes)
+        alone = len(bodies) == 1
+        for i, body in enumerate(bodies, 1):
+            own = file.stem if alone and (len(files) > 1 or not body.name) else body.name or f"b{i}"
+            result.append(replace(body, name=own))
+    return result
+
+
+def _unique(bodies: Sequence[Body], notes: list[str]) -> list[Body]:
+    seen, unique = Counter[str](), []
+    for body in bodies:
+        seen[body.name] += 1
+        number = seen[body.name]
+        unique.append(replace(body, name=f"{body.name}#{number}") if number > 1 else body)
+    several = sum(times > 1 for times in seen.values())
+    if several:
+        notes.append(
+            f"{several} names stand for several blocks: the later ones are numbered #2 ..."
+        )
+    return unique
+
+
+def _check_coordinates(bodies: Sequence[Body]) -> None:
+    for body in bodies:
+        fine = (np.abs(body.vertices) <= LARGEST_NUMBER).all(axis=1)
+        if not fine.all():
+            worst = int(np.flatnonzero(~fine)[0])
+            raise InputError(
+                f"vertex {worst} of block {shown(body.name)} must be finite and at most "
+                f"{LARGEST_NUMBER:g}, got {body.vertices[worst].tolist()}"
+            )
+
+
+def _with_densities(
+    bodies: Sequence[Body],
+    density: float | None,
+    factor: float | None,
+    is_mass: bool,
+    notes: list[str],
+) -> list[Body]:
+    stated = [body for body in bodies if body.density is not None]
+    if density is not None:
+        if stated:
+            notes.append(f"densities of {len(stated)} blocks in the files give way to {density:g}")
+        return [replace(body, density=density) for body in bodies]
+    if stated and factor is None and is_mass:
+        raise InputError(
+            f"block {stated[0].name!r} has density {stated[0].density:g} in the file, as a rule "
+            "kg/m3 there: say what turns it into weight per volume (--density-factor 0.00980665 "
+            "for kg/m3 to kN/m3), or give --density"
+        )
+    times = 1.0 if factor is None else factor
+    return [
+        body if body.density is None else replace(body, density=times * body.density)
+        for body in bodies
+    ]
+
+
+def unstated(
+    bodies: Sequence[Body], density: float | None, supports: str | Sequence[str] | None
+) -> list[str]:
+    """What neither files nor arguments say, of supports and density."""
+    is_fixed = [body.is_support or is_sheet(body) for body in bodies]
+    loose = [body for body, fixed in zip(bodies, is_fixed, strict=True) if not fixed]
+    lacks = density is None and any(body.density is None for body in loose)
+    return ["supports"] * (supports is None and len(loose) == len(bodies)) + ["density"] * lacks
+
+
+def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:
+    if body.density is None and not fixed:
+        raise InputError(
+            f"block {shown(body.name)} has no density in the file: give --density (weight per "
+            "volume)"
+        )
+    if body.is_box:
+        return Block.box(body.name, body.vertices[0], body.vertices[1], body.density)
+    try:
+        return solid(body.name, body.vertices, body.faces, body.density, tolerance)
+    except GeometryError as error:
+        error.body = body
+        raise

@@ -1,0 +1,444 @@
+"""The certified answer with interaction: a bracket proved from below and from above.
+
+Forces that satisfy Eq. 30 exactly bound the factor from below, a mechanism checked against the
+convex hull of every contact's true states from above; branch and bound closes what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import count, not_negative, ratio
+from cvxlimit.base.workers import processes
+from cvxlimit.errors import ModelError
+from cvxlimit.extensions.interaction.branching.search import BranchAndBound
+from cvxlimit.extensions.interaction.flow import InteractionFlow
+from cvxlimit.extensions.interaction.halves import SymmetricHalf
+from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
+from cvxlimit.extensions.interaction.restriction.inner import InnerMethod
+from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBounds, basis, prove
+from cvxlimit.extensions.interaction.restriction.slater import carrying_forces
+from cvxlimit.extensions.interaction.settings import BRACKET
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.convex_search import dead_load_falls
+from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.methods.standing import fallen
+from cvxlimit.methods.wedging import judged
+from cvxlimit.model.program import LimitProgram
+from cvxlimit.proof.strength import ContactFlow
+from cvxlimit.readings.moments import Moments
+from cvxlimit.readings.named import parse_moments
+from cvxlimit.reductions.choice import Reductions
+from cvxlimit.solution import Status
+from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solvers import default_ladder, leading_ladder
+
+STARTS = ("relaxation", "middle", "boxes")
+"""Names of the places where safe steps begin."""
+
+
+@dataclass(frozen=True)
+class Certified(Method):
+    """The certified method.
+
+    ``load_factor`` and ``forces`` of its solution are those behind the lower bound, ``mechanism``
+    that of the upper one; the history has both bounds as they stood after every solve.
+
+    Attributes
+    ----------
+    tolerance : float or None
+        Relative width of the bracket at which to stop. None asks for 1 % (1e-4 on scenes of up to 6
+        contacts) within the budget, and calls a bracket within 5 % certified.
+    starts : tuple of {"relaxation", "middle", "boxes"} or None
+        Where the safe steps begin: at the forces of the relaxation from above, at the middle of all
+        contacts, or where boxes of pressure centres about the relaxation's shrink to. The problem
+        has local optima, so several starts help (figures: docs/evidence/interaction-speed.md).
+        None is all of them for independent signs, each while the bracket is wider than 0.5 % and
+        boxes up to 500 contacts, and for signed moments the relaxation; where contacts are not all
+        rectangles boxes come first, whatever the moments.
+    solves : int
+        Convex problems per start, at most.
+    branching_seconds : float or None
+        Time for branch and bound alone, in place of the budget; 0 is none. Unless it is given,
+        branching ends earlier where it no longer narrows the bracket.
+    workers : int
+        Processes that branch and bound uses.
+    executor : Executor or None
+        Of :mod:`concurrent.futures`, in place of processes of its own (a Dask client's
+        ``get_executor()``, for instance); ``workers`` nodes at a time.
+    moments : str or Moments
+        How Eq. 30 adds moments: see :func:`cvxlimit.solve`.
+    budget : float or None
+        Seconds in all after which branch and bound ends and proofs are tried once; the relaxation
+        and searches for a lower bound are not limited. None is 60 of branching where a tolerance is
+        asked for, or on scenes of up to 6 contacts; otherwise ten, or twelve times the first
+        relaxation's, about thirty solves without interaction, whichever is more.
+
+    Example
+    -------
+    >>> Certified(tolerance=0.01).solves
+    24
+    """
+
+    name = "certified"
+    answers = "interaction with bending (Eq. 26-32), proved from below and from above"
+    surfaces, takes = ("conic",), ()
+    usual = BRACKET.good
+
+    tolerance: float | None = None
+    starts: tuple[str, ...] | None = None
+    solves: int = 24
+    branching_seconds: float | None = None
+    workers: int = 1
+    executor: Executor | None = None
+    moments: str | Moments = "independent"
+    budget: float | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.starts, str):
+            object.__setattr__(self, "starts", (self.starts,))
+        starts = () if self.starts is None else self.starts
+        is_known = isinstance(starts, Sequence) and all(start in STARTS for start in starts)
+        if not is_known or (self.starts is not None and not starts):
+            known = ", ".join(map(repr, STARTS))
+            raise ModelError(f"starts must be among {known}, at least one, got {self.starts!r}")
+        if self.tolerance is not None:
+            ratio(self.tolerance, "tolerance")
+        count(self.solves, 1, "solves")
+        for name in ("budget", "branching_seconds"):
+            if getattr(self, name) is not None:
+                not_negative(getattr(self, name), name)
+        count(self.workers, 1, "workers")
+
+    def flow(self, contacts: Contacts) -> ContactFlow:
+        return InteractionFlow(contacts, parse_moments(self.moments))
+
+    def steps(self, run: Run) -> Steps:
+        run.moments = parse_moments(self.moments)
+        if run.moments.has_eq_24 and dead_load_falls(run):
+            return Status.DEAD_LOAD_UNSTABLE
+        proof = _Proof(self, run)
+        status = yield from proof.steps()
+        if status is Status.DEAD_LOAD_UNSTABLE:
+            dead_load_falls(
+                run.auxiliary_run()
+            )  # which refuses a load that a part of the live one holds
+        elif proof.is_standing_open:
+            run.remarks.append(_OPEN)
+        return status
+
+    def basis(self, run: Run) -> str:
+        return basis(run.best.bracket, run.moments.caution)
+
+
+def _percent(width: float) -> str:
+    return f"{100.0 * width:.3g} %" if np.isfinite(width) else "no bracket"
+
+
+_OPEN = (
+    "neither forces that carry the dead load alone nor a proof that there are none were found: "
+    "whether it stands is open"
+)
+
+_EXHAUSTED = "it ended because no range of pressure centres is left that could be cut"
+
+_MORE = "a larger budget, in seconds, or a tolerance may narrow it"
+
+
+def _spent(search: BranchAndBound, seconds: float) -> str:
+    nodes = f"{search.nodes} node{'s' * (search.nodes != 1)}"
+    return f"branch and bound, {nodes} with {search.solves} problems in {seconds:.1f} s"
+
+
+def _ending(widths: Sequence[tuple[float, float]], seconds: float) -> str:
+    """What stopped branch and bound before it had closed, and what more time would buy."""
+    spent, width = widths[-1]
+    if spent <= seconds:
+        return "it ended because the bracket hardly narrowed any more"
+    before = [earlier for at, earlier in widths if at <= max(spent / 3.0, widths[0][0])][-1]
+    share = 1.0 - width / before if np.isfinite(before) else 0.0
+    gained = f"the last two thirds of it narrowed the bracket by {_percent(share)} of its width"
+    return f"its time was up: {gained}, and {_MORE}"
+
+
+class _Proof:
+    """A certified run under way: its solves one by one, and how it ended."""
+
+    def __init__(self, rule: Certified, run: Run) -> None:
+        self.rule, self.run = rule, run
+        self.ladder = run.ladder or (*leading_ladder(len(run.contacts)), *default_ladder()[:2])
+        self._seen: Answer | None = None  # proved as it can be
+        self.is_standing_open = False
+        self._at_rest: FloatArray | None = None  # forces that carry the dead load alone
+
+    def steps(self) -> Steps:
+        run = self.run
+        with run.clock.phase("compile"):
+            self.found = Reductions.of(run.assemblage, run.surfaces, model=run.model)
+            half = SymmetricHalf.of(self.found, run.moments)
+        outer = UpperBound(run, half)
+        if self._is_planar(outer):
+            return Status.CERTIFIED
+        run.reductions = () if half is None else ("symmetry",)
+        # Where a wide bracket is asked for, half of it is left to the safe steps.
+        tolerance = max(BRACKET.outer, 0.5 * (self.rule.tolerance or 0.0))
+        yield from self._bound_from_above(outer, tolerance)
+        if self._cannot_stand():
+            return Status.DEAD_LOAD_UNSTABLE
+        is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
+        if (is_boundless or outer.claims_no_optimum) and self._is_unbounded():
+            return judged(run, is_plain=False)
+        if run.best.mechanism is None:
+            yield from self._borrow()
+        else:
+            yield from self._bound_from_below(outer)
+            self._stand()
+            yield from self._branch(outer)
+            self._prove()
+            if self._is_ruled_out(run.best.bracket):
+                return Status.DEAD_LOAD_UNSTABLE
+        lower = run.best.bracket.lower
+        if lower > 0.0 and run.is_boundless(lower) and self._is_unbounded():
+            return judged(run, is_plain=False)
+        good = run.best.bracket.is_within(self.rule.tolerance or BRACKET.good)
+        return Status.CERTIFIED if good else Status.NOT_CERTIFIED
+
+    def _is_planar(self, outer: UpperBound) -> bool:
+        """True if forces in the scene's plane close the bracket: without torsion Eq. 30 asks for
+        little more than friction. Bounds are checked as all others are."""
+        run, found = self.run, self.found
+        if found.plane is None:
+            return False
+        with run.clock.phase("compile"):
+            problem = LimitProgram(found.assemblage, run.surfaces, reduction=found.best())
+        state, settings = run.try_solvers(problem.run, run.ladder or problem.ladder())
+        if state.forces is None or state.mechanism is None or state.load_factor is None:
+            return False
+        outer.offer(state.mechanism)
+        with run.clock.phase("certify"):
+            bounds = LowerBounds(run.assemblage, run.moments)
+            run.best = bounds.of(state.forces, state.load_factor).raising(run.best)
+        run.note(state, settings, **run.bounds)
+        if not run.best.bracket.is_within(self.rule.tolerance or BRACKET.outer):
+            return False
+        run.reductions = found.best().names
+        run.remarks = ["planar, without torsion"]
+        return True
+
+    def _bound_from_above(self, outer: UpperBound, tolerance: float) -> Iterator[None]:
+        """The relaxation; where its disjuncts take long a first lower bound waits for no more of
+        them than bring the upper bound near the relaxation's load factor."""
+        run, rounds = self.run, outer.rounds(tolerance, self.ladder)
+        for _ in rounds:
+            yield None
+            upper, state = run.best.bracket.upper, outer.state
+            if run.clock.elapsed <= BRACKET.budget or run.is_boundless(upper):
+                continue
+            least = (1.0 - BRACKET.near) * upper
+            if state is not None and 0.0 < least <= (state.load_factor or 0.0):
+                for iterate in self.method.iterates(state.forces):
+                    yield None
+                    if iterate.is_safe:
+                        break
+                break
+        yield from rounds
+        yield None
+
+    @property
+    def _wanted(self) -> float:
+        """Relative width of the bracket that is wanted, its proof included."""
+        is_small = len(self.run.contacts) <= BRACKET.few
+        return self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.wanted)
+
+    @property
+    def _asked(self) -> float:
+        """Relative width at which branch and bound ends, unless a proof turns out to cost more."""
+        return self.rule.tolerance or min(self._wanted, BRACKET.aim)
+
+    @property
+    def _end(self) -> float:
+        """Seconds of the run at which its budget is spent."""
+        rule, run = self.rule, self.run
+        if rule.budget is not None:
+            return rule.budget
+        if rule.tolerance is not None or len(run.contacts) <= BRACKET.few:
+            return np.inf
+        return max(BRACKET.budget, BRACKET.relaxations * run.history[0].seconds)
+
+    def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
+        run, state = self.run, outer.state
+        for number, name in enumerate(self.rule.starts or self.method.starts):
+            if number > 0 and self._is_within(BRACKET.narrow):
+                break
+            relaxed = state.forces if state else None
+            yield from self._until_met(self.method.begun(name, relaxed))
+        yield from self._borrow()
+        run.remarks = run.remarks or ["no further progress from these starts"]
+
+    @cached_property
+    def method(self) -> InnerMethod:
+        return InnerMethod(self.run, self.rule.solves, reductions=self.found)
+
+    def _borrow(self) -> Iterator[None]:
+        for stricter in self.run.moments.stricter:
+            if not self._is_within(BRACKET.outer):
+                yield from self._until_met(self.method.from_stricter_reading(stricter))
+
+    def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
+        if self._is_met():
+            return
+        for _ in iterates:
+            if self._is_met():
+                self.run.remarks = ["the tolerance is met"]
+                return
+            yield None
+
+    def _is_met(self) -> bool:
+        return self.run.best.bracket.width <= (self.rule.tolerance or 0.0)
+
+    def _is_within(self, width: float) -> bool:
+        return self.rule.tolerance is None and self.run.best.bracket.width <= width
+
+    def _branch(self, outer: UpperBound) -> Iterator[None]:
+        run, before = self.run, self.run.best.bracket.width
+        is_small, asked = len(run.contacts) <= BRACKET.few, self._asked
+        if self.rule.branching_seconds == 0.0:
+            return
+        if before <= asked and before <= (asked := self._left_by_proof()):
+            return
+        start, seconds = run.clock.elapsed, self._branching_seconds(is_small)
+        if seconds < BRACKET.least_problems * run.history[0].seconds:
+            run.remarks = [f"{_percent(before)} wide after {start:.1f} s; {_MORE}"]
+            return
+        own = self.rule.executor
+        with nullcontext(own) if own else processes(self.rule.workers) as executor:
+            search = BranchAndBound(run, asked, executor, self.rule.workers, outer, seconds)
+            seen, gained = np.inf, 0.0  # the gap that was last a hundredth less, and when
+            widths: list[tuple[float, float]] = []
+            while True:
+                spent, width = run.clock.elapsed - start, run.best.bracket.width
+                widths.append((spent, width))
+                done = f"{_spent(search, spent)}: from {_percent(before)} to {_percent(width)}"
+                run.remarks = [done]
+                gap = search.upper - search.lower
+                if gap < 0.99 * seen or not np.isfinite(seen):
+                    seen, gained = gap, spent
+                is_idle = spent - gained > max(BRACKET.budget, spent / 3.0)
+                is_idle &= self.rule.branching_seconds is None
+                is_over = spent > seconds or (is_idle and search.nodes >= BRACKET.least_nodes)
+                is_exhausted = not search.can_go_on and gap > search.width
+                if not (search.can_go_on or is_over):
+                    search.tolerance = self._left_by_proof()
+                if not search.can_go_on or run.best.bracket.is_below_zero:
+                    if is_exhausted:
+                        run.remarks = [f"{done}; {_EXHAUSTED}"]
+                    return
+                if is_over:
+                    run.remarks = [f"{done}; {_ending(widths, seconds)}"]
+                    return
+                yield None
+                search.step()
+
+    def _prove(self) -> None:
+        """The lower bound proved, if that costs little; once per bracket."""
+        if self.run.best is not self._seen:
+            prove(self.run, self._end, self._asked)
+            self._seen = self.run.best
+
+    def _left_by_proof(self) -> float:
+        """The relative width that what a proof costs leaves of the one wanted; infinite where the
+        bracket, proved as it can be, is no wider."""
+        run, before = self.run, self.run.best
+        self._prove()
+        cost = run.best.bracket.width - before.bracket.width
+        if run.best.bracket.width <= self._wanted:
+            return np.inf
+        run.best = before  # of more use to a search
+        return before.bracket.width - BRACKET.dearer * cost
+
+    def _branching_seconds(self, is_small: bool) -> float:
+        rule, run = self.rule, self.run
+        if rule.branching_seconds is not None:
+            return rule.branching_seconds
+        if rule.budget is None and (rule.tolerance is not None or is_small):
+            return BRACKET.branching
+        return self._end - run.clock.elapsed
+
+    def _cannot_stand(self) -> bool:
+        """True if it is proved that no true states carry the dead load, which a positive load
+        factor does not rule out: pushed, a block may stay where it would slide down."""
+        run, dead = self.run, self.run.assemblage.statics.dead
+        if not np.any(dead):
+            return False
+        self._at_rest = next(iter(self.method.checker.reserves), None)
+        if self._at_rest is not None:
+            return False
+        alone = run.auxiliary_run(run.assemblage.alone(dead))
+        UpperBound(alone).search(BRACKET.outer, self.ladder)
+        if alone.best.bracket.upper < 0.5:  # by homogeneity it is carried as a whole or not at all
+            rates = alone.best.mechanism
+            run.best = replace(run.best, forces=None, mechanism=rates)
+            if rates is not None:
+                run.remarks = [fallen(run.scene, rates)]
+            return True
+        self._at_rest = carrying_forces(run, dead, self.ladder)
+        if self._at_rest is None and self._needs_live_load():
+            return True
+        self.is_standing_open = self._at_rest is None
+        return False
+
+    def _needs_live_load(self) -> bool:
+        """True if branch and bound proves that none of the live load reversed can be carried."""
+        run, statics = self.run, self.run.assemblage.statics
+        back = run.auxiliary_run(run.assemblage.under(statics.dead, -statics.live))
+        outer = UpperBound(back)
+        outer.search(BRACKET.outer, self.ladder)
+        seconds = BRACKET.standing * min(self._end, BRACKET.budget)
+        if outer.state is not None and np.isfinite(back.best.bracket.upper):
+            until = run.clock.elapsed + seconds
+            search = BranchAndBound(back, BRACKET.good, outer=outer, seconds=seconds)
+            while search.can_go_on and run.clock.elapsed < until:
+                if back.best.bracket.is_below_zero:
+                    break
+                search.step()
+        if not self._is_ruled_out(back.best.bracket):
+            return False
+        run.best = replace(run.best, forces=None, mechanism=back.best.mechanism)
+        return True
+
+    def _is_ruled_out(self, bracket: Bracket) -> bool:
+        """True if an upper bound below zero is proved, however it was found."""
+        if not (bracket.is_below_zero and bracket.upper_is_proved):
+            return False
+        what = "no contact forces carry the dead load alone, at any eccentricities"
+        self.run.remarks = [f"branch and bound proves that {what}"]
+        return True
+
+    def _stand(self) -> None:
+        """Forces that carry the dead load alone, where none were found that carry more."""
+        run = self.run
+        if self._at_rest is not None and run.best.bracket.lower < 0.0:
+            run.best = run.best.raised(0.0, True, 0.0, self._at_rest)
+
+    def _is_unbounded(self) -> bool:
+        """True if forces carry the live load alone, strictly inside Eq. 30: as that is homogeneous,
+        every load factor beyond some finite one is then carried."""
+        run = self.run
+        forces = carrying_forces(run, run.assemblage.statics.live, self.ladder)
+        if forces is None:
+            run.remarks = [
+                "no upper bound, and no forces were found that carry the live load alone: whether "
+                "it does any harm is open"
+            ]
+            return False
+        run.best = replace(run.best, forces=forces, mechanism=None)
+        run.remarks = []
+        return True

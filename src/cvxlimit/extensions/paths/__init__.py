@@ -1,0 +1,26 @@
+"""After the collapse load factor: the path of a structure in finite displacements, its code check.
+
+Its doors are ``cvxlimit.commands`` (``pushover``), ``cvxlimit.readings``, ``cvxlimit.documents``,
+``cvxlimit.files`` and ``cvxlimit.proofs``. To read: ``path.py``, what comes out; ``pairs.py`` and
+``points.py``, contacts of displaced blocks; ``refusing.py``, what has none; ``increment.py``, one
+convex step; ``following.py``, steps and snaps; ``pushover.py``, the call; ``proof.py`` and
+``proving.py``; ``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
+"""
+
+from cvxlimit.base.doors import Offered
+
+OFFERED: Offered = {
+    "cvxlimit.commands": {"pushover": "cvxlimit.extensions.paths.command:pushover_command"},
+    "cvxlimit.documents": {"path": "cvxlimit.extensions.paths.files:PATH"},
+    "cvxlimit.files": {
+        "read_path": "cvxlimit.extensions.paths.files:read_path",
+        "write_path": "cvxlimit.extensions.paths.files:write_path",
+    },
+    "cvxlimit.proofs": {"cvxlimit-path": "cvxlimit.extensions.paths.proving:prove_path"},
+    "cvxlimit.readings": {
+        "path_table": "cvxlimit.extensions.paths.tables:path_table",
+        "path_save": "cvxlimit.extensions.paths.files:write_path",
+        "path_plot": "cvxlimit.extensions.paths.pictures:draw_path",
+        "check_plot": "cvxlimit.extensions.paths.pictures:draw_check",
+    },
+}

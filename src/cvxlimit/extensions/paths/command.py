@@ -1,0 +1,175 @@
+"""``cvxlimit pushover``: the path of a structure after its collapse factor, configuration by
+configuration."""
+
+# ruff: noqa: RUF009  # options are field() of dataclasses
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+from rich.text import Text
+
+from cvxlimit.base.files import write_file
+from cvxlimit.cli.interrupting import Tell, interruptible, with_result
+from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, named_block, option
+from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, refuse, show
+from cvxlimit.cli.solving import scene_named
+from cvxlimit.extensions.paths.code_check import code_check
+from cvxlimit.extensions.paths.files import PATH
+from cvxlimit.extensions.paths.path import PROVES
+from cvxlimit.extensions.paths.path import Path as Displacements
+from cvxlimit.extensions.paths.pushover import pushover
+from cvxlimit.io import scene_from_dict
+from cvxlimit.io.fields import file_prefix, one_line, read_document, refusals
+from cvxlimit.masonry import BUILTIN
+from cvxlimit.plotting.look import IMAGES
+from cvxlimit.scene import Scene
+from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded, rounded_down, rounded_up
+
+_KINDS = dict.fromkeys(IMAGES, "curve") | {".gif": "film", ".mp4": "film", ".html": "page"}
+"""Pictures of a path, by suffix."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Followed:
+    """What ``cvxlimit pushover`` is asked."""
+
+    scene: str = argument(
+        "Scene file, or name of a built-in scene; or a path (pushover --json), which goes on."
+    )
+    step: float | None = option(
+        "L", "Step of the live load's mean displacement; chosen by the package unless given; "
+        "where joints slide, it is then also halved.", group=EFFORT,
+    )  # fmt: skip
+    until: float = option("A", "Load factor at which to end; 0 unless given.", 0.0)
+    flow: str | None = option(
+        "NAME", "Flow rule of sliding joints: associated (default), or zero-dilatancy: none opens."
+    )  # fmt: skip
+    control: str | None = option(
+        "BLOCK:X,Y,Z",
+        "Block and direction whose displacement is told; unless given, the mean displacement of "
+        "the live load.",
+    )
+    code_check: float | None = option(
+        "FC", "Report the displacement check of Circolare 7/2019 with this confidence factor."
+    )
+    json: Path | None = option("OUT", "Write the path to this JSON file.", group=OUTPUT)
+    csv: Path | None = option("OUT", "Write a row per configuration.", group=OUTPUT)
+    report: Path | None = option(
+        "OUT.html", "Write a page to print and sign, with the path and its check.", group=OUTPUT
+    )
+    plot: Path | None = option(
+        "OUT.png|.html|.gif",
+        "Draw the curve (.svg and .pdf as well), a page with a slider, or a film (.mp4 as well).",
+        group=OUTPUT,
+    )
+
+
+@command_of(
+    Followed,
+    "Exit code: 0 the path ends; 2 bad input; 3 no answer exists; 4 it was broken off, or a "
+    "bracket is wider than 1e-5.",
+)
+def pushover_command(asked: Followed) -> ExitCode:
+    """Follow a structure after its collapse factor in finite displacements, with a bracket at every
+    configuration."""
+    inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
+    outputs = {"--json": asked.json, "--csv": asked.csv, "--plot": asked.plot}
+    outputs["--report"] = asked.report
+    check_outputs(outputs, inputs, plot=list(_KINDS), report=(".html",))
+    flow: Any = asked.flow
+    control = named_block(asked.control)
+
+    def followed(tell: Tell) -> Displacements:
+        begin = _begin(asked.scene)
+        return pushover(begin, asked.step, asked.until, flow, control, progress=with_result(tell))
+
+    path = interruptible(followed)
+    if asked.json is not None:
+        path.save(asked.json)
+    if asked.csv is not None:
+        write_file(asked.csv, path.to_dataframe().to_csv(index=False).encode("utf-8"))
+    if asked.plot is not None:
+        path.plot(_KINDS[asked.plot.suffix.lower()], asked.plot)
+    check = None if asked.code_check is None else code_check(path, asked.code_check)
+    if asked.report is not None:
+        path.initial.of(path.scene).report(asked.report, path=path, check=check)
+    written = [str(file) for file in outputs.values() if file is not None]
+    show(_summary(path, written), Text(), _table(path), Text(one_line(f"{PROVES}")))
+    if check is not None:
+        show(Text(), Text(str(check)))
+    return _verdict(path)
+
+
+def _begin(name: str) -> Scene | Displacements:
+    if name in BUILTIN or not os.path.isfile(name):
+        return scene_named(name)
+    with refusals(file_prefix(name)):
+        document = read_document(name)
+        is_path = isinstance(document, dict) and document.get("format") == "cvxlimit-path"
+        return PATH.from_dict(document) if is_path else scene_from_dict(document)
+
+
+def _summary(path: Displacements, written: list[str]) -> Table:
+    unit, initial = path.scene.units.length, path.initial
+    widths = _widths(path)
+    return facts(
+        [
+            ("scene", path.scene.name),
+            ("load factor", f"{rounded(initial.load_factor or 0.0)} in {initial.bracket}, friction "
+             "over whole joints"),
+            ("on the path", f"{rounded(path.load_factor[0])} at rest, friction at points"),
+            ("in short", path.headline),
+            ("end", path.status + f": {path.reason}" * (path.reason != path.headline)),
+            ("snaps at", ", ".join(f"w = {w:.6g} {unit}" for w in path.snaps)),
+            ("flow", f"{path.flow}; joints slide" if path.slides else "joints rock"),
+            ("brackets", f"{len(widths)} of {len(path)} configurations, widest "
+             f"{max(widths):.1e} of the first load factor" if widths else ""),
+            ("work", "" if path.work is None else f"area {path.work.area:.6g}, potential "
+             f"{path.work.potential:.6g} {path.scene.units.force} {unit}"),
+            *(("note", note) for note in path.notes),
+            *(("written", file) for file in written),
+        ]
+    )  # fmt: skip
+
+
+def _table(path: Displacements) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    unit = path.scene.units.length
+    for name in (f"w ({unit})", f"displacement ({unit})", "load factor", "lower", "upper"):
+        table.add_column(name, justify="right")
+    table.add_column("")
+    for each, x in zip(path, path.displacement.tolist(), strict=True):
+        bracket = each.bracket or Bracket()
+        table.add_row(f"{each.w:.6g}", f"{x:.6g}", rounded(each.load_factor),
+                      *(end(value) if np.isfinite(value) else "" for end, value in
+                        ((rounded_down, bracket.lower), (rounded_up, bracket.upper))),
+                      "followed" * each.is_followed)  # fmt: skip
+    return table
+
+
+def _verdict(path: Displacements) -> ExitCode:
+    if path.status not in ("zero", "falls", "blocked") and path.reason != path.headline:
+        return refuse(ExitCode.NOT_GOOD_ENOUGH, f"{path.status}: {path.reason}")
+    for run, which in ((path.halved, "with half the step"), (path.other_flow, "the other flow")):
+        if run is not None and run.status == "interrupted":
+            return refuse(ExitCode.NOT_GOOD_ENOUGH, f"{which}: {run.reason}")
+    if wide := sum(not width <= TOLERANCE for width in _widths(path)):
+        return refuse(
+            ExitCode.NOT_GOOD_ENOUGH,
+            f"of {counted(len(path), 'configuration')} {wide} have brackets wider than "
+            f"{TOLERANCE:g} of the first load factor",
+        )
+    return ExitCode.SOLVED
+
+
+def _widths(path: Displacements) -> list[float]:
+    """Returns the widths of all brackets over the first load factor, since the last ones hold
+    zero."""
+    brackets = [each.bracket for each in path if each.bracket is not None]
+    return [(each.upper - each.lower) / abs(path.load_factor[0]) for each in brackets]

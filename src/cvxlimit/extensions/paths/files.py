@@ -1,0 +1,228 @@
+"""Path files: ``cvxlimit-path``, version 1, with the scene that the path is of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, get_args
+
+import numpy as np
+
+from cvxlimit.base.checks import of_type
+from cvxlimit.errors import InputError
+from cvxlimit.extensions.paths.path import Configuration, Ending, Flow, Points, Work, other_than
+from cvxlimit.extensions.paths.path import Path as Displacements
+from cvxlimit.io.fields import (
+    ANY_FINITE,
+    FilePath,
+    JsonObject,
+    fields,
+    number,
+    refusals,
+    shown,
+    text,
+)
+from cvxlimit.io.forms import (
+    FLAG,
+    TEXT,
+    WHOLE,
+    Document,
+    Form,
+    Key,
+    choice,
+    listed,
+    nullable,
+    plain,
+    record,
+    row,
+)
+from cvxlimit.io.results import BOUNDS, FIGURE, MECHANISM, PROVED, RESULT
+from cvxlimit.io.scenes import POINT, SCENE
+from cvxlimit.scene import Scene
+from cvxlimit.solution import Solution
+from cvxlimit.solution.bracket import Bracket
+
+_AXES = [f"{axis}_{along}" for axis in ("t1", "t2", "n") for along in "xyz"]
+_POINT = ("a", "b", "x", "y", "z", *_AXES, "gap", "slip_1", "slip_2", "friction", "n", "v_1", "v_2")
+"""Columns of a point: blocks by number, place, axes, gap, slip, friction, force."""
+
+_ROWS = listed(row(_POINT, ANY_FINITE), "point {i} of {where}")
+
+
+def _points(value: object, where: str, owner: str) -> JsonObject:
+    rows = np.array(_ROWS.read(value, where, owner), dtype=float).reshape(-1, len(_POINT))
+    blocks = rows[:, :2].astype(int)
+    if (blocks != rows[:, :2]).any():
+        raise InputError(f"a and b of {where} must be numbers of blocks")
+    points = Points(
+        blocks[:, 0], blocks[:, 1], rows[:, 2:5], rows[:, 5:14].reshape(-1, 3, 3), rows[:, 14],
+        rows[:, 15:17], rows[:, 17],
+    )  # fmt: skip
+    return {"points": points, "forces": rows[:, 18:]}
+
+
+def _rows_of(c: Configuration, *place: str) -> Any:
+    p, k = c.points, len(c.points)
+    parts = p.a, p.b, p.at, p.axes.reshape(k, 9), p.gap, p.slip, p.friction, c.forces
+    return _ROWS.write(np.column_stack(parts), *place)
+
+
+FINITE = plain(lambda value, where: number(value, where, ANY_FINITE), {"type": "number"})
+BRACKET = record(
+    Bracket,
+    {
+        **{end: Key(form, is_needed=True) for end, form in BOUNDS.items()},
+        "proved": Key(PROVED, is_several=True, is_needed=True),
+        "least": Key(FIGURE, is_needed=True),
+    },
+)
+CONFIGURATION = record(
+    Configuration,
+    {
+        "w": Key(FINITE),
+        "load_factor": Key(FINITE),
+        "displacements": Key(MECHANISM),
+        "points": Key(Form(_points, _rows_of, _ROWS.schema), is_needed=True, is_several=True),
+        "bracket": Key(nullable(BRACKET), is_needed=True),
+        "widest_gap": Key(FINITE, is_needed=True),
+        "residual": Key(FIGURE, is_needed=True),
+        "iterates": Key(WHOLE, is_needed=True),
+        "loss": Key(FIGURE),
+        "is_followed": Key(FLAG, "followed"),
+    },
+    dict,
+)
+_WORK = row(Work._fields, ANY_FINITE)
+WORK = Form(lambda *given: Work(*_WORK.read(*given)), _WORK.write, _WORK.schema)
+
+
+def _control(value: object, where: str) -> tuple[str, tuple[float, ...]]:
+    entry = fields(value, where, ("block", "direction"))
+    return text(entry["block"], f"block of {where}"), POINT.read(entry["direction"], where, "")
+
+
+CONTROL = plain(
+    _control,
+    {
+        "type": "object",
+        "properties": {"block": TEXT.schema, "direction": POINT.schema},
+        "required": ["block", "direction"],
+        "additionalProperties": False,
+    },
+    lambda control, _: {"block": control[0], "direction": [*control[1]]},
+)
+
+
+def _path(
+    scene: Scene, initial: Solution, halved: JsonObject | None = None,
+    other_flow: JsonObject | None = None, **given: Any,
+) -> Displacements:  # fmt: skip
+    """A path whose parts belong to each other."""
+    path = _run(scene, initial, **given)
+    for name in ("units", "contact_names", "lumped"):
+        own, found = getattr(initial, name), getattr(path.initial, name)
+        if own and str(own) != str(found):
+            raise InputError(f"{name} of initial must be those of the scene, got {shown(str(own))}")
+    beside = dict[str, Any]()
+    for name, flow, run in (
+        ("halved", path.flow, halved), ("other_flow", other_than(path.flow), other_flow),
+    ):  # fmt: skip
+        if run is not None:
+            with refusals(f"{name}: "):
+                shared = {"flow": flow, "control": path.control, "until": path.until}
+                beside[name] = _run(scene, initial, **run, **shared)  # type: ignore[arg-type]
+    return replace(path, **beside)
+
+
+def _run(
+    scene: Scene, initial: Solution, configurations: tuple[JsonObject, ...], **given: Any
+) -> Displacements:
+    free = {scene.blocks[i].id for i in scene.free}
+    if not configurations:
+        raise InputError("configurations must be one at least, which is the structure at rest")
+    for i, each in enumerate(configurations):
+        ways: Any = each["displacements"]
+        points: Any = each["points"]
+        if (others := free.symmetric_difference(ways)) or not ways:
+            raise InputError(
+                f"displacements of configuration {i} must be of the scene's free blocks: block "
+                f"{shown(min(others, default=None))} is in one of both only"
+            )
+        each["displacements"] = {block: np.array(way) for block, way in ways.items()}
+        blocks = np.stack([points.a, points.b])
+        if ((blocks < 0) | (blocks >= len(scene.blocks))).any() or (points.a == points.b).any():
+            raise InputError(f"points of configuration {i} must be between two of the blocks")
+    made = tuple(Configuration(scene, **each) for each in configurations)  # type: ignore[arg-type]
+    if (control := given.get("control")) is not None and control[0] not in free:
+        raise InputError(f"block of control must be a free block, got {shown(control[0])}")
+    known = {each.w for each in made}
+    if lost := [w for w in given.get("snaps", ()) if w not in known]:
+        raise InputError(f"snaps must each be the w of a configuration, got {shown(lost[0])}")
+    return Displacements(initial.of(scene), made, **given)
+
+
+RUN = {
+    "configurations": Key(listed(CONFIGURATION, "configuration {i}"), "{key}"),
+    "status": Key(choice(get_args(Ending)), "{key}"),
+    "reason": Key(TEXT, "{key}"),
+    "step": Key(FINITE, "{key}"),
+    "snaps": Key(listed(FINITE), "{key}"),
+    "work": Key(nullable(WORK), "{key}"),
+    "slides": Key(FLAG, "{key}"),
+    "notes": Key(listed(TEXT), "{key}"),
+}
+"""What a path has of its own, beside the runs with half the step and the other flow."""
+
+
+PATH: Document[Displacements] = Document(
+    "path",
+    record(
+        Displacements,
+        {
+            "scene": Key(SCENE.inside, "{key}", is_needed=True),
+            "initial": Key(RESULT.inside, "{key}"),
+            **RUN,
+            "flow": Key(choice(get_args(Flow)), "{key}"),
+            "control": Key(nullable(CONTROL), "{key}"),
+            "until": Key(FINITE, "{key}"),
+            **{
+                name: Key(nullable(record(Displacements, RUN, dict)), "{key}")
+                for name in ("halved", "other_flow")
+            },
+        },
+        _path,
+    ),
+)
+
+
+def read_path(path: FilePath) -> Displacements:
+    """Read a file written by :func:`write_path`: a path with its scene, which goes on from there.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no valid path: one line naming the field and the value.
+    """
+    return PATH.read(path)
+
+
+def write_path(displacements: Displacements, path: FilePath) -> None:
+    """Write a path with its scene and all configurations, complete or not at all.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite, or the file cannot be written.
+
+    Example
+    -------
+    >>> import tempfile, pathlib
+    >>> from cvxlimit import builtin_scene, prove, pushover
+    >>> path = pushover(builtin_scene("single-block"), step=0.1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = pathlib.Path(folder, "path.json")
+    ...     path.save(file)
+    ...     read_path(file).d0 == path.d0, prove(file).is_proved
+    (True, True)
+    """
+    of_type(displacements, Displacements, "path must be a Path", "pushover(scene) makes one")
+    PATH.write(displacements, path)

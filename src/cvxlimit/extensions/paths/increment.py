@@ -1,0 +1,329 @@
+"""The one convex problem of an iterate: forces at points, with gaps and slips in the objective.
+
+    max  alpha Delta - sum (g_i n_i + tau_i . v_i)   s.t.   A(q) x + f_dead + alpha f_live = 0,
+                                                           |v_i| <= mu_i n_i
+
+Its dual moves the blocks by d so that the live load moves on by Delta, no point is overrun, and the
+dead load rises as little as it can: g_i + (A'd)_n >= mu_i |tau_i + (A'd)_t|.
+
+Without dilatancy forces are those of the same problem with gaps wider by mu_i times the whole slip,
+which a joint that slides on without opening then closes; and d is the dual of the one with friction
+held at their compressions, |v_i| <= mu_i n_i': g_i + (A'd)_n >= 0. The loss
+
+    sum g_i n_i + mu_i n_i |tau_i| + tau_i . v_i
+
+is never negative, and zero where every point that bears is closed, and slides against its friction.
+
+======== ====================== ==================================================================
+letter   name                   meaning
+======== ====================== ==================================================================
+alpha    ``Found.load_factor``  load factor, the multiplier of the live load's movement
+Delta    ``push``               how far the live load has yet to move, times the load (work)
+x        ``Found.forces``       (k, 3): compression n >= 0 and friction v1, v2 at each point (force)
+d        ``Found.d``            (free blocks, 6): displacement and rotation vector of each block
+g        ``points.gap``         (k,): distance along the normal, negative where blocks overlap
+tau      ``points.slip``        (k, 2): slip along t1 and t2 since the step's start (length)
+mu       ``points.friction``    (k,): Coulomb coefficient
+A(q)                            equilibrium at the pose q; A'd are relative displacements at points
+======== ====================== ==================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.extensions.paths.pairs import Pose
+from cvxlimit.extensions.paths.path import Points
+from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.model.assemblage import Assemblage, Balance
+from cvxlimit.model.formulations import ForceModel, Part
+from cvxlimit.model.program import LimitProgram
+from cvxlimit.model.sinks import gathered
+from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
+from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.scene import Scene
+from cvxlimit.solvers import Outcome, SolverSettings, blockwise, settings_for
+from cvxlimit.solvers.matrices import Point
+from cvxlimit.solvers.program import ConeProgram
+from cvxlimit.surfaces import Rocking
+from cvxlimit.surfaces.base import CONSTANT, Condition, Norm, product, times
+
+LADDER = (*blockwise(1e-12), settings_for("CLARABEL", 1e-12))
+
+_GAP = 1e-11
+"""Relative gap of an iterate, for each of its points: 1e-17 of weight times contact size, since
+solvers measure it by objectives of 1e-6 at least. A point that should carry nothing carries that
+over its gap at most, which is what keeps the load factor of a hinge from being exact."""
+
+
+def point_forces(
+    contacts: Contacts, is_stated: bool = False, held: FloatArray | None = None
+) -> ForceModel:
+    """Returns the model of forces at points: compression n and friction mu v within |v| <= n.
+
+    With v scaled by mu the cone implies n >= 0 however small the friction is. ``is_stated`` says
+    that the cone is a row of the problem, so that n >= 0 needs none; certificates have it besides.
+    If ``held`` (k,) is given, friction is limited by |v| <= held instead.
+    """
+    each, mu = np.arange(len(contacts)), contacts.friction
+    parts = [Part("n", {"N": 1}, each, nonneg=not is_stated), Part("v1", {"V1": mu}, each),
+             Part("v2", {"V2": mu}, each)]  # fmt: skip
+    most = {"n": 1.0} if held is None else {CONSTANT: held}
+    return ForceModel(contacts, parts, [Condition([Norm({"v1": 1}, {"v2": 1})], most, each)])
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """Dead and live load of a scene on displaced blocks; points of action move with the blocks."""
+
+    scene: Scene
+
+    @cached_property
+    def _actions(self) -> list[Any]:
+        """Forces of the dead and of the live load on free blocks, with their points of action."""
+        free = [self.scene.blocks[i] for i in self.scene.free]
+        return [load.actions(free) for load in (self.scene.dead, self.scene.live)]
+
+    def at(self, pose: Pose) -> tuple[FloatArray, FloatArray]:
+        """Returns the dead and the live load (6 free blocks,) about the moved centroids."""
+        both = []
+        for what in self._actions:
+            block = self.scene.free[what.block]
+            arm = pose.placed(block, what.at) - pose.middle[block]
+            turning = what.moment + np.cross(arm, what.force)
+            load = np.zeros((len(self.scene.free), DOF))
+            np.add.at(load, what.block, np.concatenate([what.force, turning], axis=1))
+            both.append(load.ravel())
+        return both[0], both[1]
+
+    def work(self, pose: Pose) -> tuple[float, float]:
+        """Returns the work of the dead and of the live load from the first pose to this one; that
+        of moments, which do not turn with the blocks, is taken on the rotation vectors."""
+        both = []
+        for what in self._actions:
+            block = self.scene.free[what.block]
+            way = pose.placed(block, what.at) - what.at
+            work = float((what.force * way).sum())
+            if what.moment.any():
+                turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
+                work += float((what.moment * turn).sum())
+            both.append(work)
+        return both[0], both[1]
+
+    @cached_property
+    def size(self) -> float:
+        """Sum of the sizes of the live load's forces, by which its work is divided for w; for
+        moments alone their sum over the contact size."""
+        live = self._actions[1]
+        force = float(np.linalg.norm(live.force, axis=1).sum())
+        moment = float(np.linalg.norm(live.moment, axis=1).sum())
+        return force or moment / self.scene.contacts.typical_size
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The answer of an increment.
+
+    ``forces`` (k, 3) are n, v1, v2 at the points and ``d`` (free blocks, 6) is the displacement to
+    the next iterate, which the program's ``duals`` (equations,) state; ``way`` are the solver's
+    iterates, those closest to the solution first.
+    """
+
+    outcome: Outcome
+    load_factor: float
+    forces: FloatArray
+    d: FloatArray
+    way: tuple[Point, ...]
+    duals: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Ahead:
+    """The answer of an explicit step: ``load_factor``, ``forces`` (k, 3) as n, v1, v2 at the points, the next
+    displacement ``d`` (free blocks, 6), and the ``residual`` of equilibrium over the weight."""
+
+    load_factor: float
+    forces: FloatArray
+    d: FloatArray
+    residual: float
+
+
+class Near(NamedTuple):
+    """Where an iterate starts from: the answer before (``found``), the ``share`` of its d by which
+    blocks have moved, and ascending numbers of the points ``before`` and ``now``."""
+
+    found: Found
+    share: float
+    before: IntArray
+    now: IntArray
+
+    def starts(self, program: ConeProgram) -> list[Point]:
+        """Returns starting points for the solver: the iterates of the answer before, adapted.
+
+        Openings of points follow from the new gaps and the part of d that is left. They are raised
+        to be as far inside their cones as they were; forces of new points are chosen on the central
+        path.
+        """
+        place = np.searchsorted(self.before, self.now).clip(max=len(self.before) - 1)
+        k, is_new = len(place), self.before[place] != self.now
+        of_forces, result = program.matrix[: program.zero, : 3 * k].T, []
+        for at in self.found.way:
+            force, before = (v.reshape(-1, 3) for v in (at.s, at.z))
+            product = float((force * before).sum()) / len(force)
+            duals = at.y - self.share * self.found.duals
+            opening = (program.cost[: 3 * k] + of_forces @ duals).reshape(3, k).T
+            inside = np.where(is_new, np.sqrt(product), _inside(before)[place])
+            opening[:, 0] += np.maximum(inside - _inside(opening), 0.0)
+            square = opening[:, 0] ** 2 - (opening[:, 1:] ** 2).sum(axis=1)
+            with np.errstate(divide="ignore", invalid="ignore"):  # what is no use is not used
+                central = opening * [1.0, -1.0, -1.0] * (product / square)[:, None]
+            force = np.where(is_new[:, None], central, force[place])
+            x = np.append(force.T.ravel(), at.x[-1])
+            result.append(Point(x, duals, opening.ravel(), force.ravel()))
+        return result
+
+
+def _inside(cones: FloatArray) -> FloatArray:
+    """Returns how far inside their cones vectors (k, 3) are: first entry less norm of the
+    others."""
+    return np.asarray(cones[:, 0] - np.linalg.norm(cones[:, 1:], axis=1))
+
+
+class Increment:
+    """The convex problems of one iterate, for blocks at a pose with points and loads.
+
+    ``push`` is by how much the live load has yet to move, times the load: a number, or a CVXPY
+    Parameter, as ``gap`` (k,) and ``slip`` (k, 2) in ``goal`` may be.
+    """
+
+    def __init__(self, scene: Scene, points: Points, pose: Pose, loads: Loads) -> None:
+        self.points, n = points, len(points)
+        # Every point is a contact of one corner.
+        size = scene.contacts.typical_size
+        contacts = Contacts(
+            names=tuple(f"point {i}" for i in range(n)),
+            block_ids=scene.contacts.block_ids,
+            a=points.a,
+            b=points.b,
+            origin=points.at,
+            axes=points.axes,
+            corner_start=np.arange(n + 1),
+            corner_xy=np.zeros((n, 2)),
+            sides=np.full((n, 2), np.nan),
+            area=np.full(n, size**2),
+            friction=points.friction,
+        )
+        contacts.__dict__["torsion_arm"] = np.full(n, size)
+        number = np.full(len(scene.blocks), -1)
+        number[scene.free] = np.arange(len(scene.free))
+        statics = Statics(contacts, pose.middle, number, *loads.at(pose))
+        dead, live = (load.reshape(-1, DOF) for load in (statics.dead, statics.live))
+        scaling = Scaling.under(size, dead, live)
+        self.assemblage = Assemblage(
+            scene._with_contacts(contacts), statics, scaling, Balance.of(statics)
+        )
+
+    def problem(self, goal: Goal = LARGEST_FACTOR, held: FloatArray | None = None) -> LimitProgram:
+        """Returns the problem with a ``goal``, and with friction limited by ``held`` (k,) if
+        given."""
+        formulation = partial(point_forces, is_stated=held is None, held=held)
+        return LimitProgram(self.assemblage, [Rocking()], formulation=formulation, goal=goal)
+
+    def goal(self, push: Any, gap: Any, slip: tuple[Any, Any]) -> Callable[[Stated], Any]:
+        """Returns the function that states the objective of the module's text, in units of the
+        scaling."""
+        scaling, mu = self.assemblage.scaling, self.points.friction
+        unit = scaling.length
+
+        def stated(found: Stated) -> Any:
+            factor = scaling.load_factor(1.0) / (scaling.force * unit)
+            goal = times(factor * push, found.factor)
+            at = np.zeros(len(mu), np.int64)
+            terms: Any = zip(("n", "v1", "v2"), (gap, *slip), (1.0, mu, mu), strict=True)
+            for name, lack, weight in terms:
+                own = found.forces[name]
+                goal = goal - gathered(times(product(weight / unit, lack), own), at, 1)
+            return goal
+
+        return stated
+
+    def solve(self, push: float | None, near: Near | None = None) -> Found | Outcome:
+        """Returns the answer, or the last solver's outcome if none has one. With ``push`` None it
+        is the largest load factor, and d is a rate."""
+        if push is None:
+            return self._run(self.problem(), LADDER)
+        return self._run(self.problem(self._given(push, self.points.gap)), self._ladder, near)
+
+    def priced(self, push: float, slides: FloatArray) -> Found | Outcome:
+        """Returns forces without dilatancy, for slips of the sizes ``slides`` (k,)."""
+        gap = self.points.gap + self.points.friction * slides
+        return self._run(self.problem(self._given(push, gap)), self._ladder)
+
+    def held(self, push: float, n: FloatArray) -> Found | Outcome:
+        """Returns displacements without dilatancy, with friction limited by compressions ``n``
+        (k,)."""
+        goal = self._given(push, self.points.gap)
+        return self._run(self.problem(goal, np.maximum(n, 0.0)), self._ladder)
+
+    def rates_without_dilatancy(
+        self, push: float, enough: float, most: int = 20
+    ) -> tuple[Found | Outcome, float]:
+        """Returns forces and rates at rest without dilatancy, and their loss over the live load's
+        work.
+
+        The pair of problems is repeated, up to ``most`` times, until the loss is at most
+        ``enough``; the answer with the least loss counts.
+        """
+        best: tuple[Found | Outcome, float] = Outcome("no answer", 0.0, 0.0), np.inf
+        slides = np.full(len(self.points), push)
+        for _ in range(most):
+            # Forces for the slips so far, then displacements with friction of these forces.
+            answer = moved = self.priced(push, slides)
+            if isinstance(answer, Found):
+                moved = self.held(push, answer.forces[:, 0])
+            if not isinstance(answer, Found) or not isinstance(moved, Found):
+                return (moved, np.inf) if best[1] == np.inf else best
+            moves = self.assemblage.statics.relative_rates(moved.d)[:, :3]
+            slides = np.linalg.norm(moves[:, :2], axis=1)
+            lost = replace(self.points, gap=moves[:, 2], slip=moves[:, :2]).lost(answer.forces)
+            loss = lost / max(abs(answer.load_factor * push), 1e-300)
+            if loss < best[1]:
+                best = replace(answer, d=moved.d), loss
+            if loss <= enough:
+                break
+        return best
+
+    def _given(self, push: float, gap: FloatArray) -> Callable[[Stated], Any]:
+        """Returns the goal of moving by ``push`` with gaps (k,), and the slips of the points."""
+        slip = self.points.slip
+        return self.goal(push, gap, (slip[:, 0], slip[:, 1]))
+
+    @property
+    def _ladder(self) -> tuple[SolverSettings, ...]:
+        """The solvers of an iterate, the last of which is Clarabel."""
+        return (*blockwise(max(_GAP * len(self.points), 1e-12)), LADDER[-1])
+
+    def _run(
+        self, problem: LimitProgram, ladder: Sequence[SolverSettings], near: Near | None = None
+    ) -> Found | Outcome:
+        scaling, mu, program = self.assemblage.scaling, self.points.friction, problem.program
+        memory: dict[str, Any] = {"starts": [] if near is None else near.starts(program)}
+        for settings in ladder:
+            outcome, x, y = program.solve(settings, memory, is_warm=False)
+            state = problem.state(outcome, x, y)
+            if y is not None and state.mechanism is not None and state.internal is not None:
+                n, v1, v2 = state.internal.reshape(3, -1)
+                forces = np.stack([n, mu * v1, mu * v2], axis=1)
+                d = state.mechanism * (scaling.live * scaling.length)
+                way = tuple(at for _, at in sorted(memory.get("way", {}).items()))
+                return Found(outcome, float(state.load_factor or 0.0), forces, d, way, y)
+            if outcome.claims_no_optimum:
+                break
+        return outcome

@@ -1,0 +1,532 @@
+"""What :func:`cvxlimit.pushover` returns: a path, and the configurations on it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.doors import attached
+from cvxlimit.results.movement import rotation
+from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import Load
+from cvxlimit.solution import Solution
+from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.kinematics import VISIBLE
+
+Flow = Literal["associated", "zero-dilatancy"]
+Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted", "slides"]
+
+PROVES = "a bracket proves what its configuration carries, not that the structure gets there"
+"""What every table and picture of a path says."""
+
+ZERO = 1e-8
+"""Load factors below this share of the first are zero: a path ends as near to it as that."""
+
+SLIDING = 1e-3
+"""The same where joints slide: the curve depends on the step by more."""
+
+CLOSED = 1e-6
+"""Gap, over the contact size, up to which a point is closed."""
+
+LEVEL = 0.1
+"""A curve is level where it falls less than a tenth as fast as on the whole way, and a path slides
+away where that lasts for a tenth of the way while joints slide by more than they turn. What
+rocks falls at half to twice that pace; what slides is level until a support ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """The k points at which blocks of a configuration touch or are about to.
+
+    Attributes
+    ----------
+    a, b : (k,) array of int
+        Blocks, as numbers in ``scene.blocks``; forces act on b, their opposites on a.
+    at : (k, 3) array
+        Places, in the scene's unit of length.
+    axes : (k, 3, 3) array
+        Rows t1, t2, n of a right-handed frame; n points from a into b.
+    gap : (k,) array
+        Distance along n; negative where blocks are in each other.
+    slip : (k, 2) array
+        Of b against a along t1 and t2 since the step's start, where the point was closed then.
+    friction : (k,) array
+    """
+
+    a: IntArray
+    b: IntArray
+    at: FloatArray
+    axes: FloatArray
+    gap: FloatArray
+    slip: FloatArray
+    friction: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.gap)
+
+    @property
+    def distance(self) -> FloatArray:
+        """Gap less friction times slip (k,): what a point has to close, opened by its own slip."""
+        return np.asarray(self.gap - self.friction * np.linalg.norm(self.slip, axis=1))
+
+    def apart(self, flow: Flow) -> FloatArray:
+        """What has to close (k,): gaps, less what slip opens with dilatancy."""
+        return self.distance if flow == "associated" else self.gap
+
+    def lost(self, forces: FloatArray, flow: Flow = "zero-dilatancy") -> float:
+        """What forces (k, 3) lack of friction by the ``flow`` rule, a work: compressions across
+        gaps, and friction that does not oppose the whole slip. Never negative, zero for a
+        solution."""
+        n, slid = forces[:, 0], np.linalg.norm(self.slip, axis=1)
+        lost = (
+            n * self.apart(flow)
+            + self.friction * n * slid
+            + (forces[:, 1:] * self.slip).sum(axis=1)
+        )
+        return float(np.abs(lost).sum())
+
+    def closed(self, flow: Flow, least: float) -> Points:
+        """Those whose gap, less friction times slip where that is what joints open by, is no more
+        than ``least``."""
+        return self.take(self.apart(flow) <= least)
+
+    def bearing_gap(self, forces: FloatArray, flow: Flow = "zero-dilatancy") -> float:
+        """The widest gap across which forces (k, 3) bear, less what slip opens by the rule."""
+        bears = forces[:, 0] > CLOSED * forces[:, 0].max(initial=0.0)
+        return float(self.apart(flow)[bears].max(initial=0.0))
+
+    def take(self, which: NDArray[Any]) -> Points:
+        """Some of the points, by number or by a truth value for each."""
+        return Points(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+
+class Work(NamedTuple):
+    """The area under the curve, load factor times the live load's work, and the energy that the
+    dead load has taken up on the way, which it equals while joints rock without sliding."""
+
+    area: float
+    potential: float
+
+    @property
+    def difference(self) -> float:
+        """Area less potential, over the larger of both."""
+        return (self.area - self.potential) / max(abs(self.area), abs(self.potential), 1e-300)
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """Displaced blocks in equilibrium, the forces at their points, and the bracket.
+
+    Attributes
+    ----------
+    start : Scene
+        The scene that the path began with.
+    w : float
+        Mean displacement of the live load, in the scene's unit of length.
+    load_factor : float
+    displacements : mapping of block id to (6,) array
+        Of every free block: translation of its centroid and rotation vector (radians), from where
+        it was at first.
+    points : Points
+    forces : (k, 3) array
+        Compression n and friction v1, v2 along t1 and t2 at every point, on block b.
+    bracket : Bracket or None
+        Of the largest load factor of this configuration, with friction at its closed points; None
+        where none was asked for.
+    widest_gap : float
+        The widest gap, less friction times slip, among points that count as closed.
+    residual : float
+        How far the last iterate would still move a point, over the typical contact size; of one
+        that is followed what equilibrium lacks, over the dead load.
+    iterates : int
+        Iterates that found it.
+    loss : float
+        Without dilatancy or followed, what friction lacks of acting against the whole slip of the
+        last step at closed joints, as a share of the step's work at the first load factor; 0 for a
+        solution.
+    is_followed : bool
+        True where no iterates came to rest and an explicit step went on: forces are within
+        friction, equilibrium lacks ``residual`` and friction ``loss``. There is a bracket where
+        joints are closed but for what linearised steps leave.
+    """
+
+    start: Scene
+    w: float
+    load_factor: float
+    displacements: Mapping[str, FloatArray]
+    points: Points
+    forces: FloatArray
+    bracket: Bracket | None = None
+    widest_gap: float = 0.0
+    residual: float = 0.0
+    iterates: int = 0
+    loss: float = 0.0
+    is_followed: bool = False
+
+    def bearing_gap(self, flow: Flow) -> float:
+        """The gap up to which points count as closed in any case: where blocks slide without
+        opening or are followed, the widest across which forces bear."""
+        is_exact = flow == "associated" and not self.is_followed
+        return 0.0 if is_exact else self.points.bearing_gap(self.forces, flow)
+
+    def scene(self) -> Scene:
+        """The scene with moved blocks, and point loads that moved with them."""
+        return moved_scene(self.start, self.displacements)
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Load factor against displacement, configuration by configuration.
+
+    A bracket proves what its configuration carries, not that the structure gets there: where joints
+    slide, that may be a little more than the load factor of the path.
+
+    Attributes
+    ----------
+    initial : Solution
+        What :func:`cvxlimit.solve` says of the scene as it is given. Its load factor differs from
+        the path's first one, since the path has friction at points and not on whole contacts.
+    configurations : tuple of Configuration
+        The first at w = 0; also ``path[3]``.
+    status : str
+        ``"zero"`` where the load factor asked for (0) is reached; ``"falls"`` where no equilibrium
+        follows; ``"blocked"`` where nothing can move on; ``"steps"`` where the number of steps ran
+        out; ``"slides"`` where explicit steps are level for the contact size; ``"not-converged"``;
+        ``"interrupted"``.
+    reason : str
+        The same in a sentence, with the names of blocks.
+    flow : str
+    step : float
+        Longest step of w.
+    snaps : tuple of float
+        Where no neighbouring equilibrium exists, and the structure jumps: w before the jump.
+    work : Work or None
+    slides : bool
+        True if joints slid on the way: the curve then depends on the step.
+    control : (block id, (3,) direction) or None
+    notes : tuple of str
+    halved : Path or None
+        Of a path that slides with steps that the package chose: the same with each step in two.
+    until : float
+        Load factor that was asked for as its end.
+    other_flow : Path or None
+        Of a path with configurations that are followed: the same by the other flow rule.
+    """
+
+    format: ClassVar[str] = "cvxlimit-path"
+
+    initial: Solution
+    configurations: tuple[Configuration, ...]
+    status: Ending
+    reason: str
+    flow: Flow = "associated"
+    step: float = 0.0
+    snaps: tuple[float, ...] = ()
+    work: Work | None = None
+    slides: bool = False
+    control: tuple[str, tuple[float, float, float]] | None = None
+    notes: tuple[str, ...] = field(default=())
+    halved: Path | None = None
+    until: float = 0.0
+    other_flow: Path | None = None
+
+    def __len__(self) -> int:
+        return len(self.configurations)
+
+    def __getitem__(self, i: int) -> Configuration:
+        return self.configurations[i]
+
+    def __iter__(self) -> Iterator[Configuration]:
+        return iter(self.configurations)
+
+    def __repr__(self) -> str:
+        first, last = self.load_factor[0], self.load_factor[-1]
+        low, high = self.d0_interval
+        both = f", d0 {low:.4g} to {high:.4g} by {self._by}" if low < high else ""
+        both = ", slides: no d0" if self.slides_away else both
+        return (
+            f"Path({self.scene.name!r}: {len(self) - 1} steps, load factor {first:.5g} to "
+            f"{last:.5g}, {self.status}{both})"
+        )
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that the path began with."""
+        return self.configurations[0].start
+
+    @cached_property
+    def w(self) -> FloatArray:
+        """Mean displacement of the live load (steps + 1,)."""
+        return np.array([c.w for c in self.configurations])
+
+    @cached_property
+    def load_factor(self) -> FloatArray:
+        """(steps + 1,), the first that of the scene as given with friction at points."""
+        return np.array([c.load_factor for c in self.configurations])
+
+    @cached_property
+    def displacement(self) -> FloatArray:
+        """Of the control block's centroid along its direction (steps + 1,); w without one."""
+        if self.control is None:
+            return self.w
+        block, direction = self.control
+        along = np.asarray(direction, dtype=float)
+        along = along / np.linalg.norm(along)
+        return np.array([c.displacements[block][:3] @ along for c in self.configurations])
+
+    @cached_property
+    def in_joints(self) -> tuple[dict[str, tuple[float, float]], ...]:
+        """How far joints that bear slide in each step (steps,), and how far they turn across the
+        typical contact size, by both blocks' names."""
+        size, still, made = self.scene.contacts.typical_size, np.zeros(6), []
+        names = [block.id for block in self.scene.blocks]
+        for before, here in pairwise(self.configurations):
+            p, n, step = here.points, here.forces[:, 0], dict[str, tuple[float, float]]()
+            moved = {name: d - before.displacements[name] for name, d in here.displacements.items()}
+            for i in np.flatnonzero(n > CLOSED * n.max(initial=0.0)).tolist():
+                one, other = names[p.a[i]], names[p.b[i]]
+                turn = (moved.get(other, still) - moved.get(one, still))[3:]
+                joint, slip = f"{one!r}-{other!r}", float(np.linalg.norm(p.slip[i]))
+                slip = max(slip, step.get(joint, (0.0,))[0])
+                step[joint] = slip, float(np.linalg.norm(turn)) * size
+            made.append(step)
+        return tuple(made)
+
+    @cached_property
+    def _moved(self) -> FloatArray:
+        """Slip and turn of all joints together, up to where nothing is carried any more
+        (steps, 2)."""
+        sums = [np.sum([*step.values()], axis=0) if step else (0.0, 0.0) for step in self.in_joints]
+        return np.array(sums).reshape(-1, 2)[: self._last]
+
+    @property
+    def slip_share(self) -> float:
+        """The share of slip in what joints slide and turn up to :attr:`d0` or the end: 0 of what
+        only rocks, 1 of what only slides."""
+        slip, turn = self._moved.sum(axis=0)
+        return float(slip / (slip + turn)) if self.slides and slip > 0.0 else 0.0
+
+    @cached_property
+    def slides_away(self) -> bool:
+        """True if the load factor stays level because joints slide: such a path has no d0, since it
+        ends where supports were drawn to end."""
+        w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
+        if (
+            slides_at_first(self.initial, self.scene.contacts.typical_size)
+            and alpha.max() <= (1.0 + LEVEL) * alpha[0]
+        ):
+            return True
+        if not self.slides or not self._last:
+            return False
+        slip, turn = self._moved.T
+        least = max(LEVEL * (alpha[0] - alpha[-1]), SLIDING * abs(alpha[0])) / w[-1]
+        is_level = np.abs(np.diff(alpha)) < least * np.diff(w)
+        return bool(np.diff(w)[is_level & (slip > turn)].sum() > LEVEL * w[-1])
+
+    @cached_property
+    def sliding_joints(self) -> dict[str, float]:
+        """How far joints have slid in all, by both blocks' names, the farthest first; without those
+        that have slid less than a tenth as far as that."""
+        found: dict[str, float] = {}
+        for step in self.in_joints:
+            for name, (far, _) in step.items():
+                found[name] = found.get(name, 0.0) + far
+        order = sorted(found, key=lambda name: -found[name])
+        return {name: found[name] for name in order if found[name] > LEVEL * found[order[0]] > 0.0}
+
+    @property
+    def followed(self) -> str:
+        """How many configurations are followed and what these lack, in words; empty of none."""
+        found = [each for each in self if each.is_followed]
+        if not found:
+            return ""
+        bare = sum(each.bracket is None for each in found)
+        return (
+            f"{len(found)} of {len(self)} configurations are followed by explicit steps, since no "
+            f"iterates came to rest: equilibrium lacks up to {max(x.residual for x in found):.0e} "
+            "of the dead load, and d0 and load factors are an interval over step and flow"
+            + f"; no bracket is proved for {bare} of them"
+            * bool(bare)
+        )
+
+    @property
+    def _by(self) -> str:
+        return "step and flow" if self.followed else "the step"
+
+    @property
+    def headline(self) -> str:
+        """What the path says in one sentence, and what it does not."""
+        unit, joints = self.scene.units.length, list(self.sliding_joints)
+        which = ", ".join(joints[:3]) + (f" and {len(joints) - 3} more" if joints[3:] else "")
+        which = f"joint{'s' * (len(joints) != 1)} {which}".rstrip()
+        if self.slides_away:
+            slide = "slides" if len(joints) == 1 else "slide"
+            return (
+                f"a load factor of {self.load_factor[0]:.5g} moves it, and there is no d0: {which} "
+                f"{slide}, the load factor stays level, and such a path ends where a support was "
+                "drawn to end, which is no capacity of displacement"
+            )
+        low, high = (f"{d0:.4g}" for d0 in self.d0_interval)
+        end = f"zero at d0 = {low}" + (f" to {high}" if low != high else "") + f" {unit}"
+        if low == "nan":
+            end = f"no d0: it ends at a load factor of {self.load_factor[-1]:.4g}"
+        if len(self) == 1:
+            return end
+        followed = f"; {self.followed}" * bool(self.followed)
+        if not self.slides:
+            return f"{end}: blocks rock, and no joint slides from step to step{followed}"
+        return (
+            f"{end}, and {100.0 * self.slip_share:.0f} % of the displacement in joints is slip "
+            f"({which}): it depends on {self._by}, and is no bound{followed}"
+        )
+
+    @property
+    def _last(self) -> int:
+        """Row where the load factor is first zero, or the last one."""
+        zero = (SLIDING if self.slides else ZERO) * abs(self.load_factor[0])
+        return int([*np.flatnonzero(self.load_factor <= zero), len(self) - 1][0])
+
+    @cached_property
+    def d0(self) -> float:
+        """Displacement at which the load factor is first zero; NaN where the path ends before, or
+        :attr:`slides_away`. On the chord to the last one above zero where iterates between them did
+        not settle."""
+        if self.slides_away:
+            return float("nan")
+        zero = (SLIDING if self.slides else ZERO) * abs(self.load_factor[0])
+        found = np.flatnonzero(self.load_factor <= zero)
+        if not len(found):
+            return float("nan")
+        at, jumps = int(found[0]), [start for start, _ in self.pieces]
+        if at in jumps or self.load_factor[at] >= -zero:
+            return float(self.displacement[at])
+        two = slice(at, at - 2 if at > 1 else None, -1)
+        return float(np.interp(0.0, self.load_factor[two], self.displacement[two]))
+
+    @property
+    def d0_interval(self) -> tuple[float, float]:
+        """The least and the largest ``d0`` with the step, with half of it, and where blocks are
+        followed by the other flow rule; NaN where none has one."""
+        found = [self.d0, *(run.d0 for run in (self.halved, self.other_flow) if run is not None)]
+        return float(np.fmin.reduce(found)), float(np.fmax.reduce(found))
+
+    @property
+    def pieces(self) -> tuple[tuple[int, int], ...]:
+        """Rows from and to, exclusive, between which the structure does not jump."""
+        ends = [int(np.flatnonzero(self.w == w)[-1]) + 1 for w in self.snaps]
+        return tuple(zip([0, *ends], [*ends, len(self)], strict=True))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the path with its scene to a JSON file, complete or not at all;
+        :func:`cvxlimit.io.read_path` reads it, and :func:`cvxlimit.prove` proves it again.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        attached("path_save")(self, path)
+
+    def plot(
+        self, kind: str = "curve", path: str | os.PathLike[str] | None = None, **options: Any
+    ) -> Any:
+        """Draw the path: a figure, a film or a page; with ``path``, a file.
+
+        Parameters
+        ----------
+        kind : "curve", "film" or "page"
+            The load factor over the displacement with the brackets, and snaps as drops; the
+            structure in motion; both on a page with a slider over the configurations.
+        path : path or None
+            ``.png``, ``.svg`` or ``.pdf`` of the curve, ``.gif`` or ``.mp4`` of the film, ``.html``
+            of the page.
+        options
+            ``ax``, ``figsize``, ``title`` and ``legend`` of the curve, see
+            :func:`cvxlimit.plotting.picture`; ``viewer`` of the film.
+
+        Raises
+        ------
+        InputError
+            For another kind or suffix.
+        ModelError
+            If Matplotlib is not installed, which pages do not need.
+        """
+        return attached("path_plot")(self, kind, path, options)
+
+    def animate(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
+        """The film of :meth:`plot`: every configuration as it is, from rest to the end and back."""
+        return self.plot("film", path, **options)
+
+    def facts(self) -> Iterator[tuple[str, str]]:
+        """What a report says of it, beside its curve."""
+        which = "the path of this model: joints rock and do not slide"
+        if self.slides:
+            limit = (
+                "an upper limit" if self.flow == "associated" else "one of several possible paths"
+            )
+            limit = "an interval over step and flow" if self.followed else limit
+            which = f"{limit}: joints slide on the way, so that the curve depends on the step"
+        yield "in words", which
+        first, last = (f"{self.load_factor[k]:.5g}" for k in (0, -1))
+        way = f"{self.displacement[-1]:.5g} {self.scene.units.length}"
+        of = "the live load (mean)" if self.control is None else f"block {self.control[0]}"
+        yield "load factor", f"{first} with friction at points, {last} where the path ends"
+        yield "displacement", f"of {of}: {way} where it ends, after {len(self) - 1} steps"
+        if self.reason != self.headline:
+            yield "ends", self.reason
+        if self.snaps:
+            yield "snaps", f"{len(self.snaps)}: the structure jumps there"
+        yield from (("note", note) for note in self.notes)
+        yield "rests on", PROVES
+
+    def to_dataframe(self) -> Any:
+        """One row for each configuration, as a pandas DataFrame."""
+        return attached("path_table")(self)
+
+
+def other_than(flow: Flow) -> Flow:
+    """Returns the other flow rule."""
+    return "zero-dilatancy" if flow == "associated" else "associated"
+
+
+def slides_at_first(initial: Solution, size: float) -> bool:
+    """Returns whether all that the mechanism at rest does is slide: it stays so, whatever steps
+    show of it; turns count by the typical contact ``size``."""
+    rates, dilatancy = initial.mechanism or {}, initial.dilatancy
+    if not rates or dilatancy is None or dilatancy.share <= LEVEL:
+        return False
+    each = np.array([*rates.values()])
+    shift, turn = (np.linalg.norm(each[:, k : k + 3], axis=1).max() for k in (0, 3))
+    return bool(turn * size <= VISIBLE * shift)
+
+
+def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:
+    """``scene`` with blocks moved by (6,) displacements; point loads move with their blocks."""
+    turns = {name: rotation(d[3:]) for name, d in displacements.items()}
+    blocks = []
+    for block in scene.blocks:
+        if block.id in displacements:
+            turn, d = turns[block.id], displacements[block.id]
+            block = block.moved(turn, block.centroid + d[:3] - turn @ block.centroid)
+        blocks.append(block)
+    centre = {block.id: block.centroid for block in scene.blocks}
+
+    def moved(load: Load) -> Load:
+        points: Sequence[Any] = [
+            replace(p, at=tuple(
+                centre[p.block] + displacements[p.block][:3]
+                + turns[p.block] @ (p.at - centre[p.block])
+            ))
+            for p in load.points
+        ]  # fmt: skip
+        return replace(load, points=points)
+
+    return replace(scene, blocks=tuple(blocks), dead=moved(scene.dead), live=moved(scene.live))

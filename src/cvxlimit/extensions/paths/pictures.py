@@ -1,0 +1,181 @@
+"""Pictures of a :class:`~cvxlimit.extensions.paths.path.Path`, and of the code check that follows
+from it.
+
+A path is a row of configurations, from rest to the end. Its pictures are the ``curve`` of load
+factor over displacement, a ``film`` of the displaced blocks, and an interactive ``page``. Its
+``pieces`` are ranges (start, stop) of configurations between two snaps, where the structure jumps
+from one position to another.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import meant
+from cvxlimit.errors import InputError
+from cvxlimit.extensions.paths.path import PROVES, Path
+from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
+from cvxlimit.plotting.look import DIGITS, SPEED_STOPS, WAY_TEXT, printable, saved
+from cvxlimit.plotting.pictures.animation import Animation, frames_of
+from cvxlimit.plotting.pictures.webpage import Page, path_page, sentences
+from cvxlimit.plotting.registry import figures
+from cvxlimit.results.movement import Motion, motions_of
+from cvxlimit.solution.bracket import rounded
+
+_LINE, _DROP, _BRACKET, _FINE = "#134b73", "#d62246", "#8b2fc9", "#f59e0b"
+_LIMITS = {"SLV": "#f59e0b", "SLC": "#d62246"}
+_PAUSE = 0.25
+"""Seconds that a film shows a configuration for."""
+
+_PROVED = sentences(PROVES)
+
+
+def draw_path(
+    path: Path, kind: str, file: str | os.PathLike[str] | None, options: dict[str, Any]
+) -> Any:
+    """Draws the picture of a path of that ``kind``; returns it, or the file it is saved to."""
+    kinds: dict[str, Callable[..., Any]] = {"curve": curve, "film": film, "page": page}
+    if kind not in kinds:
+        raise InputError(
+            f"a path has no picture {kind!r}: choose one of {', '.join(kinds)}"
+            + meant(kind, kinds, before="; ")
+        )
+    picture = kinds[kind](path, **options)
+    return picture if file is None else saved(picture, file, options)
+
+
+def curve(path: Path, **options: Any) -> Any:
+    """A figure of load factor over displacement, with the bracket of each configuration."""
+    chart = figures("chart").Chart.of(options, (6.4, 4.4))
+    _draw_pieces(chart.axes, path.displacement, path.load_factor, path.pieces, "load factor")
+    # The same path with half the step, where it was followed twice to see what steps change.
+    if (half_step := path.halved) is not None:
+        label = "with half the step"
+        for part in (slice(*piece) for piece in half_step.pieces):
+            curve = half_step.displacement[part], half_step.load_factor[part]
+            chart.axes.plot(*curve, color=_FINE, lw=0.9, label=label)
+            label = "_"
+    if (other := path.other_flow) is not None:
+        label = f"{other.flow}, where blocks are followed"
+        chart.axes.plot(other.displacement, other.load_factor, color=_FINE, ls="--", lw=0.9,
+                        label=label)  # fmt: skip
+    if followed := [i for i, each in enumerate(path) if each.is_followed]:
+        chart.axes.plot(
+            path.displacement[followed], path.load_factor[followed], "o", color=_LINE, mfc="white",
+            ms=4.5, label="followed, not at rest",
+        )  # fmt: skip
+    # Only the first bracket has an entry in the legend: matplotlib leaves out labels like "_".
+    label = "bracket of a configuration"
+    for x, each in zip(path.displacement, path, strict=True):
+        if each.bracket is not None and each.bracket.has_both:
+            ends = [each.bracket.lower, each.bracket.upper]
+            chart.axes.plot([x, x], ends, "_-", color=_BRACKET, lw=1.2, ms=9, label=label)
+            label = "_"
+    proved = figures("sheet").lines_of(_PROVED, chart.size("axes.labelsize"), 0.8 * chart.width)
+    chart.axes.set(xlabel="\n".join([_control(path), *proved]), ylabel="load factor")
+    chart.write(_title(path))
+    chart.write_legend()
+    return chart.figure
+
+
+def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[str, Any]) -> Any:
+    """Draws the capacity curve of a code check with both limit states; returns the figure, or the
+    file it is saved to."""
+    chart = figures("chart").Chart.of(options, (6.4, 4.4))
+    ax, unit = chart.axes, printable(check.units.length)
+    _draw_pieces(ax, check.displacement, check.acceleration, check.pieces, "capacity curve")
+    for name, limit in (("SLV", check.slv), ("SLC", check.slc)):
+        if limit is None:
+            continue
+        d, a, period = limit.displacement, limit.acceleration, f"T = {limit.period:.3g} s"
+        ax.plot([d, d, 0.0], [0.0, a, a], "--", color=_LIMITS[name], lw=1.0)
+        ax.plot(d, a, "o", color=_LIMITS[name], ms=6, label=f"{name}: d = {d:.3g} {unit}, {period}")
+    ax.set(xlabel=f"spectral displacement ({unit})", ylabel=f"spectral acceleration ({unit}/s²)")
+    end = "" if check.refused else f", d0 = {check.d0:.3g} {unit}"
+    end += ", an interval" * ("by step and flow" in check.ends)
+    chart.write(f"{printable(check.scene_name)}: a0* = {check.a0_star:.3g} {unit}/s², "
+                f"e* = {check.e_star:.3g}{end or ': slides, no d0'}")  # fmt: skip
+    chart.write_legend()
+    return chart.figure if file is None else saved(chart.figure, file, options)
+
+
+def _draw_pieces(
+    ax: Any, x: FloatArray, y: FloatArray, pieces: tuple[tuple[int, int], ...], label: str
+) -> None:
+    """Draws the curve piece by piece. At a snap a dotted line goes straight down: nothing is known
+    about the way between."""
+    for i, (start, stop) in enumerate(pieces):
+        part, name = slice(start, stop), "_" if i else label
+        ax.plot(x[part], y[part], ".-", color=_LINE, lw=1.6, ms=5, label=name)
+        if i:
+            name = "snap" if i == 1 else "_"
+            ax.plot([x[start]] * 2, [y[start - 1], y[start]], ":", color=_DROP, lw=1.6, label=name)
+    ax.axhline(0.0, color="#888888", lw=0.6, zorder=0)
+    ax.set_xlim(left=min(0.0, float(x.min())))
+
+
+def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
+    """An animation of all configurations, from rest to the end of the path and back."""
+    motions = _motions(path)
+    largest = max(motions, key=lambda motion: motion.largest)
+    drawing = Drawing(
+        path.scene, largest, camera_for(path.scene, largest, viewer), _title(path),
+        f"blocks as they are displaced. {_PROVED}", bar=Bar(SPEED_STOPS, WAY_TEXT),
+    )  # fmt: skip
+    texts = [text.replace(" at ", "\nat ") for text in _texts(path)]
+    forward = frames_of(drawing, motions, texts, options)
+    frames = (*forward, *forward[-2:0:-1])
+    return Animation(frames, _PAUSE * len(frames))
+
+
+def page(path: Path) -> Page:
+    """A page, one file that needs no network, with a slider over the configurations beside the
+    curve."""
+    curve = {**_numbers(path), "texts": _texts(path)}
+    curve["half"] = None if path.halved is None else _numbers(path.halved)
+    reason = "" if path.reason == path.headline else path.reason
+    advice = sentences(path.headline, reason, *path.notes, PROVES)
+    contents = {"title": _title(path), "advice": advice, "path": curve}
+    return path_page(path.scene, _motions(path), contents)
+
+
+def _numbers(path: Path) -> dict[str, Any]:
+    """The curve as numbers that fit into JSON."""
+    d, alpha = path.displacement.tolist(), path.load_factor.tolist()
+    return {"displacement": d, "load_factor": alpha, "pieces": path.pieces}
+
+
+def _motions(path: Path) -> list[Motion]:
+    return motions_of(path.scene, [each.displacements for each in path])
+
+
+def _texts(path: Path) -> list[str]:
+    """What is written below each configuration: its load factor and displacement."""
+    unit = printable(path.scene.units.length)
+    return [
+        f"load factor {round(each.load_factor, DIGITS) + 0.0:.{DIGITS}f} at {x:.4g} {unit}"
+        + ", followed" * each.is_followed
+        for x, each in zip(path.displacement, path, strict=True)
+    ]
+
+
+def _title(path: Path) -> str:
+    start = f"load factor {rounded(path.load_factor[0], DIGITS)} at rest"
+    unit = printable(path.scene.units.length)
+    low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
+    end = f"zero at {low}" + (f" to {high}" if low != high else "")
+    end = f"{path.status} at {path.displacement[-1]:.4g}" if low == "nan" else end
+    if path.slides_away:
+        return f"{printable(path.scene.name)}: {start}, slides: no d0"
+    return f"{printable(path.scene.name)}: {start}, {end} {unit}" + ", followed" * bool(
+        path.followed
+    )
+
+
+def _control(path: Path) -> str:
+    """The label of the horizontal axis: whose displacement it is."""
+    of = "mean of the live load" if path.control is None else f"block {path.control[0]!r}"
+    return f"displacement ({printable(path.scene.units.length)}), {printable(of)}"

@@ -1,0 +1,269 @@
+"""Points between displaced blocks, by exact geometry: places, normals, gaps and slips.
+
+The gap of two planes is linear over their overlap, so that the overlap's corners say all: corners
+of each facet over the other, and crossings of their edges. A corner's gap is its distance from the
+other facet's plane, along that plane's own normal; that of crossing edges is along both edges'
+common perpendicular. With other normals the iterates converge linearly, and a contact that appears
+on the way costs 7e-5 of the load factor.
+
+Arrays are over P pairs of facets, E edges of one side's outlines, and k points. Normals point from
+block a into block b, gaps are positive where the blocks are apart, and lengths are in the scene's
+unit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.extensions.paths.pairs import Facets, Pairs, Pose
+from cvxlimit.extensions.paths.path import CLOSED, Points
+from cvxlimit.scene import Scene
+
+NEAR = 1e-9
+"""Rounding of directions, up to which they count as parallel or perpendicular."""
+
+SETTLED = 1e-7
+"""Largest movement, over the contact size, that iterates may leave. Flush blocks are flush to that
+tolerance, and a corner that is as near to an edge lies on it: with a smaller one, rounding would
+decide whether there is one more point, with another normal, whose forces no later iterate has."""
+
+DEEP = 0.5
+"""Share of the thinner block's thickness: points deeper behind a facet lie behind its block."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """The start of a step.
+
+    Attributes
+    ----------
+    facets : Facets
+    pose : Pose
+        Where the blocks are at the start; slips are measured from it.
+    pairs : Pairs
+        Pairs of facets that may meet during the step.
+    touches : (P,) array of bool
+        Which of them touch over an area at the start. Slips count in these alone, where the gap was
+        at most ``loose``.
+    loose : float
+        Gap (length) by which joints that slid in the step before have opened.
+    """
+
+    facets: Facets
+    pose: Pose
+    pairs: Pairs
+    touches: BoolArray
+    loose: float
+
+    @classmethod
+    def at(cls, facets: Facets, pose: Pose, loose: float = 0.0) -> Self:
+        """Returns the start of a step from a ``pose``, whose joints have opened by ``loose``."""
+        pairs = facets.pairs(*facets.near(pose))
+        loose = loose + CLOSED * facets.size
+        start = cls(facets, pose, pairs, np.zeros(pairs.block.shape[1], dtype=bool), loose)
+        found, pair, _ = _met(start, pose)
+        start.touches[pair[found.gap <= loose]] = True
+        return start
+
+    @classmethod
+    def first(cls, scene: Scene, reach: float) -> Self:
+        """Returns the start from the scene as given, where pairs of facets that face each other
+        within the joint tolerance count as closed; ``reach`` (length) is how far apart facets may
+        be to meet."""
+        facets, pose = Facets(scene, reach), Pose.first(scene)
+        a, b = facets.near(pose)
+        start = cls(facets, pose, facets.pairs(a, b), np.zeros(len(a), dtype=bool), 0.0)
+        found, pair, _ = _met(start, pose)
+        most = np.zeros(len(a))
+        np.maximum.at(most, pair, np.abs(found.gap))
+        is_closed = (np.bincount(pair, minlength=len(a)) > 2) & (most <= facets.allowed(a, b))
+        facets.close(a[is_closed], b[is_closed])
+        return cls.at(facets, pose)
+
+    def points(self, pose: Pose) -> Points:
+        """Returns all points at a pose, with slips since the start."""
+        return _met(self, pose)[0]
+
+    def numbered(self, pose: Pose) -> tuple[Points, IntArray]:
+        """Returns all points at a pose, and ascending numbers (k,) that name the same points at
+        other poses of the step."""
+        points, _, number = _met(self, pose)
+        return points, number
+
+
+def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
+    """Returns the points at a pose, and for each its pair and its number among all corners and
+    crossings."""
+    # Planes of both facets of each pair, and a mean plane in which outlines are compared.
+    facets, pairs, start, size = begin.facets, begin.pairs, begin.pose, begin.facets.size
+    normal = np.stack([pose.turned(pairs.block[k], pairs.normal[k]) for k in (0, 1)])
+    plane = np.stack([pose.placed(pairs.block[k], pairs.plane[k]) for k in (0, 1)])
+    mean = _unit(normal[0] - normal[1])
+    basis = _tangents(mean)
+    # Edges of both sides: tails and directions in space, both ends in the mean plane.
+    tail, along = list[FloatArray](), list[FloatArray]()
+    flat_tail, flat_head = list[FloatArray](), list[FloatArray]()
+    for k, pair in enumerate(pairs.pair):
+        ends = [pose.placed(pairs.block[k][pair], x[k]) for x in (pairs.tail, pairs.head)]
+        tail.append(ends[0])
+        along.append(ends[1] - ends[0])
+        for flat, x in ((flat_tail, ends[0]), (flat_head, ends[1])):
+            flat.append(np.einsum("eix,ex->ei", basis[pair], x - plane[0][pair]))
+    # Points of the overlap: corners of either side over the other facet, and crossings of edges.
+    i, j = pairs.couples
+    near, edges = SETTLED * size, (i, j)
+    is_over = [
+        _inside(flat_tail[k], edges[k], flat_tail[1 - k][edges[1 - k]],
+                flat_head[1 - k][edges[1 - k]], near)
+        for k in (0, 1)
+    ]  # fmt: skip
+    # A corner of a at one of b's where the planes are parallel is the same point once more.
+    apart = np.linalg.norm(tail[0][i] - tail[1][j], axis=1)
+    is_same = (apart <= near) & is_over[1][j]
+    is_same &= (np.einsum("px,px->p", normal[0], normal[1]) < NEAR - 1.0)[pairs.pair[0][i]]
+    is_over[0][i[is_same]] = False
+    flat_along = [head - tail for head, tail in zip(flat_head, flat_tail, strict=True)]
+    s, t = _crossings(flat_tail[0][i], flat_along[0][i], flat_tail[1][j], flat_along[1][j], near)
+    crossed = np.flatnonzero(np.isfinite(s))
+    i, j = i[crossed], j[crossed]
+    s, t = s[crossed, None], t[crossed, None]
+
+    # Their places, normals and gaps: corners of a, corners of b, crossings, in this order.
+    corner = [np.flatnonzero(over) for over in is_over]
+    pair_of = [pairs.pair[0][corner[0]], pairs.pair[1][corner[1]], pairs.pair[0][i]]
+    crossing = tail[0][i] + s * along[0][i], tail[1][j] + t * along[1][j]
+    crossed_by = _ways(pairs, pose, (i, j), normal, (along[0][i], along[1][j]), mean)
+    ways = -normal[1][pair_of[0]], normal[0][pair_of[1]]
+    at = [tail[0][corner[0]], tail[1][corner[1]], 0.5 * (crossing[0] + crossing[1])]
+    n = np.concatenate([*ways, crossed_by])
+    above = np.concatenate([
+        plane[1][pair_of[0]] - at[0], at[1] - plane[0][pair_of[1]], crossing[1] - crossing[0],
+    ])  # fmt: skip
+    gap = np.einsum("kx,kx->k", above, n)
+    pair, x = np.concatenate(pair_of), np.concatenate(at)
+    # Points behind a block, and those of overlaps without width, are left out.
+    a, b = pairs.block[:, pair]
+    is_kept = gap >= -DEEP * np.minimum(facets.thickness[a], facets.thickness[b])
+    kept = np.flatnonzero(is_kept & (_widths(pair, x, basis) > CLOSED * size)[pair])
+    a, b, x, n, gap, pair = a[kept], b[kept], x[kept], n[kept], gap[kept], pair[kept]
+
+    # Slip of b against a since the start, in the frame of the block that the normal belongs to.
+    slid = start.placed(a, pose.origin(a, x)) - start.placed(b, pose.origin(b, x))
+    owner = np.where(kept < len(at[0]), b, a)
+    slid = pose.turned(owner, np.einsum("kji,kj->ki", start.turn[owner], slid))
+    was_closed = np.abs(gap - np.einsum("kx,kx->k", slid, n)) <= begin.loose
+    was_closed &= begin.touches[pair]
+    tangents = _tangents(n)
+    slip = np.where(was_closed[:, None], np.einsum("kix,kx->ki", tangents, slid), 0.0)
+    axes = np.concatenate([tangents, n[:, None]], axis=1)
+    more = np.cumsum([0, *map(len, tail)])
+    number = np.concatenate([more[0] + corner[0], more[1] + corner[1], more[2] + crossed])[kept]
+    return Points(a, b, x, axes, gap, slip, facets.friction(a, b)), pair, number
+
+
+def _ways(
+    pairs: Pairs, pose: Pose, at: tuple[IntArray, IntArray], normal: FloatArray,
+    along: tuple[FloatArray, FloatArray], mean: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Returns the directions (k, 3) of gaps at crossing edges, numbered ``at`` on either side.
+
+    A direction is the edges' common perpendicular where it lies between the normals of the two
+    faces at each edge, whichever pair of facets the edges are seen from. Where it lies beyond one
+    of these faces, the edges cross on that face and its normal is taken, so that an edge that
+    slides on a face keeps one normal. Where it lies beyond faces of both sides nothing touches, and
+    the pair's ``mean`` normal tells how far the facets are apart.
+    """
+    pair = pairs.pair[0][at[0]]
+    across = np.cross(*along)
+    towards = np.copysign(1.0, np.einsum("kx,kx->k", across, mean[pair]))
+    way = _unit(across) * towards[:, None]
+    chosen, is_beyond = way.copy(), np.zeros((2, len(way)), dtype=bool)
+    for k, sign in ((0, 1.0), (1, -1.0)):
+        own = normal[k][pair]
+        beside = pose.turned(pairs.block[k][pair], pairs.beside[k][at[k]])
+        least = NEAR * np.linalg.norm(along[k], axis=1)
+        inwards = np.cross(own, along[k]), np.cross(along[k], beside)
+        for face, inward in zip((own, beside), inwards, strict=True):
+            beyond = sign * np.einsum("kx,kx->k", way, inward) > least
+            chosen[beyond] = sign * face[beyond]
+            is_beyond[k] |= beyond
+    is_apart = is_beyond.all(axis=0) | (np.einsum("kx,kx->k", chosen, mean[pair]) <= 0.0)
+    return np.where(is_apart[:, None], mean[pair], chosen)
+
+
+def _widths(pair: IntArray, x: FloatArray, basis: FloatArray) -> FloatArray:
+    """Returns the smaller standard deviation (P,) of each pair's points ``x`` (k, 3) in its plane.
+
+    It is rounding for blocks that pass each other edge by edge, whose overlap has no width.
+    """
+    flat = np.einsum("kix,kx->ik", basis[pair], x)
+    count = np.maximum(np.bincount(pair, minlength=len(basis)), 1)
+    flat -= np.stack([np.bincount(pair, f, len(basis)) / count for f in flat])[:, pair]
+    xx, xy, yy = (
+        np.bincount(pair, flat[i] * flat[j], len(basis)) / count
+        for i, j in ((0, 0), (0, 1), (1, 1))
+    )
+    half = 0.5 * (xx + yy)
+    larger = half + np.sqrt(np.maximum(half**2 - (xx * yy - xy**2), 0.0))
+    least = (xx * yy - xy**2) / np.where(larger > 0.0, larger, 1.0)
+    return np.sqrt(np.maximum(least, 0.0))
+
+
+def _inside(
+    corner: FloatArray, of: IntArray, tail: FloatArray, head: FloatArray, near: float
+) -> BoolArray:
+    """Returns which of the corners (c, 2) lie in an outline, or within ``near`` (length) of it.
+
+    Edges from ``tail`` to ``head`` (e, 2) are those of the outline in which corner ``of`` (e,) is
+    looked for. A ray from a corner inside crosses it an odd number of times, provided that edges
+    that meet have exactly the same end.
+    """
+    to_tail, to_head = tail - corner[of], head - corner[of]
+    along = head - tail
+    is_across = (to_tail[:, 1] > 0.0) != (to_head[:, 1] > 0.0)
+    rise = np.where(is_across, along[:, 1], 1.0)
+    is_across &= to_tail[:, 0] - to_tail[:, 1] * along[:, 0] / rise > 0.0
+    count = np.bincount(of[is_across], minlength=len(corner))
+    square = np.maximum((along**2).sum(axis=1), 1e-300)
+    share = np.clip(-(to_tail * along).sum(axis=1) / square, 0.0, 1.0)[:, None]
+    is_near = np.linalg.norm(to_tail + share * along, axis=1) <= near
+    return np.asarray((count % 2 == 1) | (np.bincount(of[is_near], minlength=len(corner)) > 0))
+
+
+def _crossings(
+    tail: FloatArray, along: FloatArray, other: FloatArray, beside: FloatArray, near: float
+) -> tuple[FloatArray, FloatArray]:
+    """Returns where edges (e, 2) cross, as shares of both lengths, NaN where they do not.
+
+    Crossings ``near`` an end (length) are left out: :func:`_inside` counts the corner there.
+    """
+    lengths = np.linalg.norm(along, axis=1), np.linalg.norm(beside, axis=1)
+    turn, offset = _cross(along, beside), other - tail
+    is_plain = np.abs(turn) > NEAR * lengths[0] * lengths[1]
+    divisor = np.where(is_plain, turn, 1.0)
+    s, t = _cross(offset, beside) / divisor, _cross(offset, along) / divisor
+    for share, length in zip((s, t), lengths, strict=True):
+        is_plain &= (share * length > near) & ((1.0 - share) * length > near)
+    return np.where(is_plain, s, np.nan), t
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Returns the third component (k,) of the cross products of plane vectors (k, 2)."""
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    """Returns vectors (..., 3) divided by their lengths."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1)[..., None])
+
+
+def _tangents(n: FloatArray) -> FloatArray:
+    """Returns two unit vectors (k, 2, 3) perpendicular to each normal (k, 3), right-handed with
+    it."""
+    least = np.eye(3)[np.abs(n).argmin(axis=1)]
+    first = _unit(np.cross(least, n))
+    return np.stack([first, np.cross(n, first)], axis=1)

@@ -1,0 +1,219 @@
+"""A path as it is asked for, and beside one that slides the same with half the step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.checks import count, is_number, positive
+from cvxlimit.errors import ModelError
+from cvxlimit.extensions.paths.following import REACH, Walk
+from cvxlimit.extensions.paths.path import Ending, Flow, Path, other_than, slides_at_first
+from cvxlimit.extensions.paths.proximal import go_on
+from cvxlimit.extensions.paths.refusing import refuse, refuse_answer
+from cvxlimit.methods.solving import solve
+from cvxlimit.results.movement import checked_control
+from cvxlimit.scene import Scene
+from cvxlimit.scene.scene import check_scene
+
+SLIDES = {
+    "associated": "joints slide on the way, so that the curve depends on the step, on the unsafe "
+    "side",
+    "zero-dilatancy": "joints slide on the way, without dilatancy: friction then allows several "
+    "answers, of which the path has one, and the step may decide which",
+}
+
+
+def pushover(
+    scene: Scene | Path,
+    step: float | None = None,
+    until: float = 0.0,
+    flow: Flow | None = None,
+    control: tuple[str, Sequence[float]] | None = None,
+    certify: Literal["all", "last", "none"] = "all",
+    reach: float | None = None,
+    halvings: int = 1,
+    within: float = 0.02,
+    progress: Callable[[str], None] | None = None,
+) -> Path:
+    """The path of a structure after its collapse load factor, in finite displacements.
+
+    The live load's points of action are moved on step by step; blocks move exactly, contacts open,
+    close and appear, and the load factor is what holds each configuration. Friction is taken at
+    points, so that the first load factor differs from that of :func:`cvxlimit.solve`, which is
+    ``path.initial``. A bracket proves what its configuration carries, not that the structure
+    gets there. Where iterates do not come to rest explicit steps go on: such a path is followed by
+    the other flow rule as well (``path.other_flow``), and ``path.d0_interval`` is over both.
+
+    Parameters
+    ----------
+    scene : Scene or Path
+        A path goes on from its last configuration, with its own step and control unless others are
+        given.
+    step : float or None
+        Of w, the mean displacement of the live load, in the scene's unit of length; None: an eighth
+        of what the last slope takes to ``until``, at most an eighth of the contact size, and where
+        joints slide the whole again with each step in two (``path.halved``). Where no equilibrium
+        is found, a step is halved.
+    until : float
+        Load factor at which the path ends.
+    flow : {"associated", "zero-dilatancy"} or None
+        In steps along which joints slide they open by friction times slip, or not at all; None: as
+        the path to go on from, otherwise the first. Where none slides, both are the same.
+    control : (block id, direction) or None
+        Whose displacement ``path.displacement`` is; w without one.
+    certify : {"all", "last", "none"}
+        Which configurations get a bracket.
+    reach : float or None
+        How far apart faces may be at the start of a step to meet in it (length); None: a fifth of
+        the contact size.
+    halvings : int
+        How often all steps are halved at most, each time for twice the time of the run before.
+    within : float
+        Change of ``d0``, over itself, and of load factors, over the first, with which halving ends:
+        a fiftieth, which no check of a displacement notices.
+    progress : callable or None
+        Called with a line of text for every configuration.
+
+    Returns
+    -------
+    Path
+        Where it was interrupted, up to there. Where its load factor stays level because joints
+        slide (``path.slides_away``), its ``reason`` names these, and it has no ``d0``.
+
+    Raises
+    ------
+    NoAnswerError
+        For a scene that does not stand, and a live load that does no harm.
+    ModelError
+        For cohesion, tensile or compressive strength, ties and pressures, and for unknown choices.
+
+    Example
+    -------
+    A block of 0.4 by 1 m rocks about its edge until its centroid is above it:
+
+    >>> from cvxlimit import builtin_scene, pushover
+    >>> path = pushover(builtin_scene("single-block"))
+    >>> path.status, round(float(path.load_factor[0]), 6), round(path.d0, 6)
+    ('zero', 0.4, 0.2)
+    """
+    before = scene if isinstance(scene, Path) else None
+    if isinstance(scene, Path):
+        scene = scene.scene
+    check_scene(scene)
+    for name, value, known in (
+        ("flow", "associated" if flow is None else flow, get_args(Flow)),
+        ("certify", certify, ("all", "last", "none")),
+    ):  # fmt: skip
+        if value not in known:
+            raise ModelError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    refuse(scene)
+    for name, length in (("step", step), ("reach", reach)):
+        if length is not None:
+            positive(length, name)
+    count(halvings, 0, "halvings")
+    positive(within, "within")
+    if not is_number(until):
+        raise ModelError(f"until must be a load factor, got {until!r}")
+    is_own, kind = step is None, flow or (before.flow if before else "associated")
+    about = None if control is None else checked_control(scene, control)
+    begin = half = other = None
+    if before is not None:
+        step, about = step or before.step, about or before.control
+        begin = replace(before, control=about)
+        half = before.halved and replace(before.halved, control=about)
+        other = before.other_flow and replace(before.other_flow, control=about)
+    initial = solve(scene) if before is None else before.initial
+    refuse_answer(initial)
+    tell = progress or (lambda line: None)
+
+    def follow(
+        step: float | None, begin: Path | None, said: str = "", marks: FloatArray | None = None,
+        rule: Flow = kind,
+    ) -> Path:  # fmt: skip
+        walk = Walk(
+            scene, certify, reach or REACH * scene.contacts.typical_size,
+            lambda line: tell(f"{said}{line}"), rule,
+        )  # fmt: skip
+        if begin is not None:
+            walk.resume(begin)
+            if begin[-1].load_factor - until <= walk.enough(walk.found[-1]):
+                return begin
+        longest = begin.step if begin is not None and len(begin) > 1 else 0.0
+
+        def made(status: Ending, reason: str) -> Path:
+            slides = any(x.slides for x in walk.found)
+            return Path(
+                initial, tuple(x.shown for x in walk.found), status, reason, rule,
+                max(walk.step, longest), tuple(walk.snaps), walk.work(), slides, about,
+                (SLIDES[rule],) if slides else (), until=float(until),
+            )  # fmt: skip
+
+        try:
+            ending = walk.walk(step, float(until), marks)
+            # Where iterates do not settle explicit steps go on, until they do again. What slides
+            # from the start goes nowhere but to the end of its support.
+            unsettled, is_at_end = {"not-converged"}, slides_at_first(initial, walk.size)
+            while ending[0] in unsettled and walk.found and not is_at_end:
+                longest, unsettled = max(longest, walk.step), {"not-converged", "falls"}
+                end = go_on(walk, float(until), lambda: made("slides", "").slides_away)
+                is_at_end = end is not None
+                if end is None:
+                    ending = walk.walk(step, float(until), marks)
+                    walk.step = max(walk.step, longest)
+                elif any(x.shown.is_followed for x in walk.found):
+                    ending = end
+        except KeyboardInterrupt:
+            if not walk.found:
+                raise
+            ending = "interrupted", "interrupted: what was found until then"
+        if certify == "last":
+            walk.found[-1] = walk.proved(walk.found[-1])
+        return made(*ending)
+
+    path = replace(follow(step, begin), halved=None, other_flow=None)
+    if path.slides_away:  # smaller steps lead to the same end of a support
+        is_there = path.status in ("zero", "falls", "blocked", "slides", "not-converged")
+        return replace(path, reason=path.headline if is_there else path.reason)
+    if path.followed and path.status != "interrupted":
+        rule = other_than(kind)
+        path = replace(path, other_flow=follow(step, other, f"{rule}: ", rule=rule))
+    if not (path.slides and is_own):
+        return path
+    # Every step of the path in two, where the package has chosen them, until that changes little.
+    notes, other = list(path.notes), path.other_flow
+    for _ in range(halvings):
+        if path.status == "interrupted":
+            break
+        if path.halved is not None:
+            path = path.halved
+        marks = np.sort(np.concatenate([path.w, 0.5 * (path.w[1:] + path.w[:-1])]))
+        first = replace(path, configurations=path.configurations[:1], snaps=())
+        half = follow(0.5 * path.step, half or first, "with half the step: ", marks)
+        change, said = _change(path, half)
+        notes.append(said)
+        path = replace(path, halved=half, other_flow=other, notes=tuple(notes))
+        if change <= within or half.status == "interrupted":
+            break
+        half = None
+    return path
+
+
+def _change(path: Path, half: Path) -> tuple[float, str]:
+    """How much half the step changes of a path, as a share, and in words."""
+    unit = path.scene.units.length
+    ends = (x.d0 if np.isfinite(x.d0) else x.displacement[-1] for x in (path, half))
+    one, other = (f"{w:.4g} {unit} ({x.status})" for w, x in zip(ends, (path, half), strict=True))
+    reached = path.w[path.w <= half.w[-1]]
+    change = np.interp(reached, half.w, half.load_factor) - path.load_factor[: len(reached)]
+    most = change[np.abs(change).argmax()] / abs(path.load_factor[0])
+    low, high = path.d0, half.d0
+    moved = abs(high - low) / abs(low) if np.isfinite(low) or np.isfinite(high) else 0.0
+    return float(np.nan_to_num(max(abs(most), moved), nan=np.inf)), (
+        f"with half the step it ends at {other} instead of {one}, and load factors at the same w "
+        f"change by up to {most:+.2%} of the first" + f"; {half.followed}" * bool(half.followed)
+    )

@@ -1,0 +1,51 @@
+"""The table of a path."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cvxlimit.base.extras import needed
+from cvxlimit.extensions.paths.path import PROVES, Path
+from cvxlimit.results.tables import Columns, table_from
+from cvxlimit.solution.bracket import Bracket
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def path_table(path: Path) -> DataFrame:
+    """A path's configurations, one row each."""
+    pandas = needed("pandas", "frames", "tables")
+    brackets = [c.bracket or Bracket(np.nan, np.nan) for c in path]
+    columns: Columns = {
+        "w": (path.w, path.scene.units.length, "mean displacement of the live load"),
+        "displacement": (path.displacement, path.scene.units.length, "of the control block"),
+        "load_factor": (path.load_factor, "", "with friction at points"),
+        "slip": (
+            [0.0, *(max([0.0, *(slip for slip, _ in x.values())]) for x in path.in_joints)],
+            path.scene.units.length, "of the joint that slides farthest, since the row above",
+        ),
+        "lower": ([b.lower for b in brackets], "", "static bound of the configuration"),
+        "upper": ([b.upper for b in brackets], "", "kinematic bound of the configuration"),
+        "proved": ([b.is_proved for b in brackets], "", "whether both bounds are proved"),
+        "widest_gap": ([c.widest_gap for c in path], path.scene.units.length, "of closed points"),
+        "residual": (
+            [c.residual for c in path], "",
+            "last movement over the contact size; followed: lack of equilibrium over the dead load",
+        ),
+        "loss": ([c.loss for c in path], "", "of friction, over the step's work"),
+        "followed": (
+            [c.is_followed for c in path], "", "by an explicit step: no iterates came to rest"
+        ),
+        "iterates": ([c.iterates for c in path], "", "convex problems solved"),
+    }  # fmt: skip
+    facts = {
+        "status": path.status,
+        "reason": path.reason,
+        "headline": path.headline,
+        "snaps": path.snaps,
+        "proof": PROVES,
+    }
+    return table_from(pandas, None, columns, None, facts)

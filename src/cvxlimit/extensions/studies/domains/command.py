@@ -1,0 +1,139 @@
+"""``cvxlimit domain``: all load vectors that a structure carries, enclosed with proof."""
+
+# ruff: noqa: RUF009  # options are field() of dataclasses
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+from rich.text import Text
+
+from cvxlimit.cli.interrupting import Tell, interruptible, with_result
+from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, named_values, option, vector
+from cvxlimit.cli.report import ExitCode, check_outputs, facts, refuse, show
+from cvxlimit.cli.solving import scene_named
+from cvxlimit.errors import InputError
+from cvxlimit.extensions.studies.domains.comparing import DomainComparison, compare_domains
+from cvxlimit.extensions.studies.domains.domain import LoadDomain
+from cvxlimit.extensions.studies.domains.search import load_domain
+from cvxlimit.masonry import BUILTIN
+from cvxlimit.scene.loads import Load
+from cvxlimit.solution import Status
+
+_PICTURES = (".png", ".svg", ".pdf", ".html")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What ``cvxlimit domain`` is asked."""
+
+    scene: str = argument()
+    load: list[str] | None = option(
+        "NAME=X,Y,Z",
+        "A live load, two or three of them: NAME=X,Y,Z is an acceleration in multiples of gravity, "
+        "NAME=BLOCK:FX,FY,FZ a force at a block's centroid. Unless given: a_x=1,0,0 and a_y=0,1,0.",
+    )
+    surface: list[str] | None = option(
+        "NAME",
+        "Yield surface: conic, octagon, 16-gon ..., or exact; several are compared. Unless given: "
+        "conic.",
+    )
+    method: str = option(
+        "NAME",
+        "Method, as for solve: convex (default), exact, certified or zero-dilatancy.",
+        "convex",
+    )
+    tolerance: float = option(
+        "T", "Relative gap in the worst direction; 0.01 unless given.", 0.01, group=EFFORT
+    )
+    plot: Path | None = option(
+        "OUT.png|.html", "Draw the load domain; .svg and .pdf as well.", group=OUTPUT
+    )
+    json: Path | None = option(
+        "OUT",
+        "Write the domain to this JSON file after every solve; the same command continues from it.",
+        group=OUTPUT,
+    )
+
+
+@command_of(Asked)
+def domain_command(asked: Asked) -> ExitCode:
+    """Enclose all load vectors that a structure carries beside its dead load."""
+    inputs = {} if asked.scene in BUILTIN else {asked.scene: "the scene"}
+    check_outputs({"--json": asked.json, "--plot": asked.plot}, inputs, plot=_PICTURES)
+    surfaces = asked.surface or ["conic"]
+    if len(surfaces) > 1 and asked.json is not None:
+        raise InputError("--json takes one domain: give one --surface")
+    loads = _loads(asked.load) if asked.load else None
+
+    def enclosed(tell: Tell) -> LoadDomain | DomainComparison:
+        scene, told = scene_named(asked.scene), with_result(tell)
+        if len(surfaces) > 1:
+            return compare_domains(scene, surfaces, loads, asked.tolerance, progress=told)
+        method: Any = "exact" if surfaces[0] == "exact" else asked.method
+        surface: Any = "conic" if surfaces[0] == "exact" else surfaces[0]
+        return load_domain(
+            scene, loads, asked.tolerance,
+            surface=surface, method=method, path=asked.json, progress=told,
+        )  # fmt: skip
+
+    found = interruptible(enclosed)
+    domains = [found] if isinstance(found, LoadDomain) else list(found.domains.values())
+    written = []
+    if asked.json is not None:
+        written.append(str(asked.json))
+    if asked.plot is not None:
+        written.append(str(found.plot(str(asked.plot))))
+    for domain in domains:
+        show(_summary(domain, written))
+    if isinstance(found, DomainComparison):
+        show(Text(found.to_dataframe().to_string(index=False, float_format="{:.4g}".format)))
+    return _verdict(domains)
+
+
+def _summary(domain: LoadDomain, written: Sequence[str]) -> Table:
+    gap, where = domain.worst
+    said = f"{gap:.2e}" if np.isfinite(gap) else domain.gap_said
+    along = ", ".join(f"{x:.3g}" for x in where)
+    kind = domain.surface if domain.method == "convex" else f"{domain.surface}, {domain.method}"
+    return facts(
+        [
+            ("scene", domain.scene_name),
+            ("surface", kind),
+            *((f"largest {name}", found) for name, found in domain.extent().items()),
+            ("largest gap", f"{said} along ({along}), asked: {domain.tolerance:g}"
+             if domain.is_convex else "nothing is said between points"),
+            ("points", f"{len(domain.points)}, half-spaces {len(domain.offsets)}"),
+            ("unbounded", f"{len(domain.rays)} directions" if len(domain.rays) else ""),
+            ("solves", f"{domain.solves} in {domain.seconds:.2f} s"),
+            ("basis", "all bounds are proved, up to rounding" if domain.is_proved
+             else "some bounds rest on an assumption about the size of forces or rates"),
+            ("status", str(domain.status)),
+            *(("written", file) for file in written),
+        ]
+    )  # fmt: skip
+
+
+def _loads(given: Sequence[str]) -> dict[str, Load]:
+    loads: dict[str, Load] = {}
+    form = "NAME=X,Y,Z is meant, as in push=1,0,0"
+    for _, name, value in named_values("--load", given, form):
+        block, colon, force = value.rpartition(":")
+        given_at = vector(f"--load {name}", force, f"{name}=1,0,0")
+        forces = {block: (*given_at, 0.0, 0.0, 0.0)}
+        loads[name] = Load(forces=forces) if colon else Load(acceleration=given_at)
+    return loads
+
+
+def _verdict(domains: Sequence[LoadDomain]) -> ExitCode:
+    for domain in domains:
+        status = domain.status
+        if status is Status.INTERRUPTED or not (status.is_good or not domain.is_convex):
+            code = ExitCode.NOT_GOOD_ENOUGH if status.has_answer else ExitCode.NO_ANSWER
+            return refuse(code, f"{status}: the largest gap is {domain.gap_said}")
+    return ExitCode.SOLVED

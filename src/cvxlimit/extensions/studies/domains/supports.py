@@ -1,0 +1,413 @@
+"""One question to a structure: how far do loads reach in a direction? Answered with proof."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import islice
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import cvxpy as cp
+import numpy as np
+
+from cvxlimit.base.arrays import EPSILON, FloatArray
+from cvxlimit.extensions.studies.domains.images import LoadMirror, Raw, load_mirrors
+from cvxlimit.extensions.studies.domains.polytopes import FLAT
+from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.convex import Convex
+from cvxlimit.methods.driver import BOUNDLESS, Run, packed
+from cvxlimit.model.assemblage import Reduction
+from cvxlimit.model.program import LimitProgram
+from cvxlimit.model.statement import LargestFactor, Stated, largest_self_stress
+from cvxlimit.model.statics import DOF, Scaling
+from cvxlimit.proof.admissible import carried_exactly
+from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.strength import Strength
+from cvxlimit.reductions.choice import Reductions
+from cvxlimit.scene import Scene
+from cvxlimit.scene.loads import Load, combined
+from cvxlimit.solution import Solution, Status
+from cvxlimit.solution.bracket import REFERENCE, Bracket
+from cvxlimit.surfaces.base import times
+from cvxlimit.surfaces.coulomb import needed_surfaces
+
+_MOST_SOLVERS = 3
+"""Solvers of the ladder that one question may take."""
+
+_AT_WINDOW, _WIDER = 0.99, 100.0
+"""Share of the window from which a load factor counts as stopped by it, and by how much it is then
+widened if not any multiple is carried."""
+
+_SMALL = 1e-2
+"""Offsets of half-spaces below this, over the natural size of load factors, are met no closer."""
+
+_MIXED = (1.0, 0.7548776662466927, 0.5698402909980532)
+"""Shares in which loads stand together for all where symmetry is asked for: none by chance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """The result of one direction: loads that are carried, and a half-space that holds all.
+
+    Attributes
+    ----------
+    direction : (k,)
+        In which the loads were made as large as they can be.
+    point : (k,) or None
+        Load factors that are carried beside the dead load; None if there was nothing to show it.
+    ray : (k,) or None
+        Load factors of which any multiple is carried besides, whatever else is.
+    normal : (k,), offset : float
+        All load factors p that are carried have normal @ p <= offset; zero and infinite where no
+        mechanism shows it.
+    point_is_proved, half_space_is_proved : bool
+        True if they need no assumption, up to rounding.
+    is_mirrored : bool
+        True for the mirror image of another, which was checked anew but not solved for.
+    loaded : (k,)
+        Load factors that make the live load of ``solution``.
+    solution : Solution or None
+        With the forces and the mechanism.
+    rates : (free blocks, 6) or None
+        The mechanism behind the half-space where ``solution`` has none, as of loads that any
+        multiple is carried of.
+    """
+
+    direction: FloatArray
+    point: FloatArray | None
+    ray: FloatArray | None
+    normal: FloatArray
+    offset: float
+    point_is_proved: bool = False
+    half_space_is_proved: bool = False
+    is_mirrored: bool = False
+    loaded: FloatArray | None = None
+    solution: Solution | None = field(default=None, repr=False)
+    rates: FloatArray | None = field(default=None, repr=False)
+
+
+class _Reach:
+    """Objective: the largest sum of weighted load factors within a window.
+
+    ``dead`` is the share of the dead load that acts; None lets the problem take any, and asks for
+    the largest.
+    """
+
+    def __init__(self, loads: FloatArray, dead: float | None) -> None:
+        self.loads, self.dead = loads, dead
+        self.weights = cp.Parameter(loads.shape[1], value=np.zeros(loads.shape[1]))
+        self.window = cp.Parameter(nonneg=True, value=1.0)
+
+    def __call__(self, stated: Stated) -> Any:
+        into, scaling = stated.into, stated.assemblage.scaling
+        units = scaling.force * np.tile([1.0] * 3 + [scaling.length] * 3, len(self.loads) // DOF)
+        factors = stated.own["factors"] = into.new(self.loads.shape[1], "load factors")
+        live, dead = (self.loads / units[:, None]) @ factors, stated.dead
+        stated.live = np.zeros(len(units))
+        for sign in (-1.0, 1.0):
+            into.nonneg(sign * factors + self.window)
+        if self.dead is None:
+            share = into.new(name="share", nonneg=True)
+            into.nonneg(1.0 - share)
+            into.zero(stated.factor - share)
+            stated.dead = live + times(dead, share)
+            return share
+        into.zero(stated.factor)
+        stated.dead = live + self.dead * dead
+        return np.ones(factors.size) @ times(self.weights, factors)
+
+
+class Structure:
+    """A scene under several live loads, of which it is asked how far they reach.
+
+    Load factors are multiples of ``units`` in here: the dead load over each live load.
+
+    Parameters
+    ----------
+    scene : Scene
+    loads : sequence of Load
+    surface, ladder, model
+        As for :func:`cvxlimit.solve`.
+    tolerance : float
+        Relative gap that is asked for.
+    """
+
+    def __init__(
+        self, scene: Scene, loads: Sequence[Load], surface: Any, ladder: Any, model: Any,
+        tolerance: float,
+    ) -> None:  # fmt: skip
+        self.loads, self.tolerance = tuple(loads), max(1e-5, 0.01 * tolerance)
+        scene = scene.with_live(combined(loads, np.array(_MIXED[: len(loads)])))
+        self.run = Run(scene, surface, ladder=ladder, model=model)
+        self.surfaces = needed_surfaces(self.run.surfaces)
+        free = [self.run.scene.blocks[i] for i in self.run.scene.free]
+        forces = np.stack([load.on(free).ravel() for load in loads], axis=1)
+        whole, length = self.run.assemblage, self.run.scaling.length
+        self.dead = whole.statics.dead
+        scalings = [
+            Scaling.under(length, self.dead.reshape(-1, DOF), f.reshape(-1, DOF)) for f in forces.T
+        ]
+        self.units = np.array([each.ratio for each in scalings])
+        self.forces = forces * self.units
+        mixed = self.forces @ np.array(_MIXED[: len(loads)])
+        found = Reductions.of(
+            whole.under(self.dead, mixed), self.surfaces, self.run.formulation, model
+        )
+        self.assemblage, self.reduction = found.assemblage, found.best()
+        self.run.reductions = self.reduction.names
+        self.certifier = Certifier(self.assemblage, self.surfaces, self.run.formulation)
+        self.centre = np.zeros(len(loads))
+        sizes, ways = np.linalg.svd(self.forces, full_matrices=False)[1:]
+        self.idle = ways[sizes <= 1e-12 * sizes.max()]
+        self._problems: dict[float | None, tuple[_Reach, LimitProgram]] = {}
+        self._proved: WeakKeyDictionary[Raw, Support] = WeakKeyDictionary()
+
+    def acting(self, direction: FloatArray) -> FloatArray:
+        """Returns the direction without sums of loads that are no load at all."""
+        return direction - self.idle.T @ (self.idle @ direction)
+
+    # What solvers say
+
+    def raw(self, direction: FloatArray, window: float, dead: float | None = 1.0) -> Iterator[Raw]:
+        """Answers of one solver after another."""
+        reach, problem = self._problem(dead)
+        reach.weights.value, reach.window.value = direction, window
+        ladder = self.run.ladder or problem.ladder(self.tolerance)
+        for settings in ladder[:_MOST_SOLVERS]:
+            state = self.run.solve(problem.run, settings)
+            self.run.note(replace(state, load_factor=None), settings)
+            given = self.certifier.given(state)
+            if state.forces is None or given is None or not state.own:
+                if state.outcome.claims_no_optimum:
+                    return
+                continue
+            yield Raw(
+                direction, self.acting(state.own["factors"]), state.forces, given,
+                state.mechanism, dead == 0.0, self.run.history[-1],
+            )  # fmt: skip
+
+    def answers(
+        self, direction: FloatArray, window: float, along_rays: float = -np.inf
+    ) -> list[Raw]:
+        """What there is to say about a direction: as a rule one answer, which is tight.
+
+        Where the window stops loads, it is asked whether any multiple is carried, and asked first
+        where rays are known that go ``along_rays`` in this direction: one that goes farther is
+        enough. Where nothing is carried, the answer has the mechanism that shows it.
+        """
+        if along_rays > -FLAT:
+            rays = list(islice(self.raw(direction, 1.0, 0.0), 1))
+            if any(raw.factors @ direction > along_rays + FLAT for raw in rays):
+                return rays
+        found: list[Raw] = []
+        for raw in self.raw(direction, window):
+            found = [raw]
+            if self._is_tight(raw):
+                break
+        if not found:
+            return list(islice(self.raw(direction, BOUNDLESS, None), 1))
+        if np.abs(found[0].factors).max() < _AT_WINDOW * window:
+            return found
+        rays = list(islice(self.raw(direction, 1.0, 0.0), 1))
+        if window < BOUNDLESS and not any(raw.factors @ direction > FLAT for raw in rays):
+            return [*rays, *self.answers(direction, window * _WIDER)]
+        return [*rays, *found]
+
+    def _is_tight(self, raw: Raw) -> bool:
+        if not self.has_reference and not self.centre.any():
+            return raw.iterate.status == "optimal"
+        made = self.proved(raw)
+        if made.point is None:
+            return False
+        room = made.offset - float(made.normal @ made.point)
+        return room <= self.tolerance * max(abs(made.offset), _SMALL * self._size(made.normal))
+
+    def _size(self, normal: FloatArray) -> float:
+        return float(np.linalg.norm(normal * self.units))
+
+    def _problem(self, dead: float | None) -> tuple[_Reach, LimitProgram]:
+        if dead not in self._problems:
+            reach = _Reach(self.forces, dead)
+            surfaces, formulation = self.surfaces, self.run.formulation
+            reduction: Reduction | None = self.reduction
+            if dead == 0.0:
+                surfaces, formulation = self.certifier.strength.recession()
+                reduction = reduction if formulation is self.run.formulation else None
+            problem = LimitProgram(
+                self.assemblage, surfaces, formulation=formulation, reduction=reduction, goal=reach
+            )
+            self._problems[dead] = reach, problem
+        return self._problems[dead]
+
+    # What is proved of it
+
+    @cached_property
+    def has_reference(self) -> bool:
+        """True if a state strictly inside carries the dead load alone; a solver may find it."""
+        if self.certifier.witnesses.easy_dead_state is not None or not self.dead.any():
+            return self.certifier.witnesses.easy_dead_state is not None
+        formulation = self.run.formulation
+        problem = LimitProgram(
+            self.assemblage.alone(self.dead), self.surfaces, formulation=formulation,
+            reduction=self.reduction, goal=LargestFactor(most=1.0),
+        )  # fmt: skip
+        for settings in (self.run.ladder or problem.ladder())[:2]:
+            state = self.run.solve(problem.run, settings)
+            given = self.certifier.given(state)
+            share = state.load_factor or 0.0
+            is_carried = given is not None and share > 0.5
+            if is_carried and self.certifier.offer_dead_state(np.asarray(given) / share):
+                return True
+        return False
+
+    def refer_to(self, answers: Sequence[Raw]) -> bool:
+        """Take the mean of answers as the reference if nothing is known to carry the dead load
+        alone; true if that changes what is proved."""
+        if self.has_reference or not answers:
+            return False
+        centre = np.mean([raw.factors for raw in answers], axis=0)
+        moved = self.assemblage.under(self.dead + self.forces @ centre, self.certifier.statics.live)
+        certifier = Certifier(moved, self.surfaces, self.run.formulation)
+        if not certifier.offer_dead_state(np.mean([raw.given for raw in answers], axis=0)):
+            return False
+        self.certifier, self.centre = certifier, centre
+        self._proved.clear()
+        return True
+
+    def proved(self, raw: Raw) -> Support:
+        """What holds whatever the solver meant."""
+        if raw not in self._proved:
+            self._proved[raw] = self._checked(raw)
+        return self._proved[raw]
+
+    def _checked(self, raw: Raw) -> Support:
+        point, point_is_proved, ray = None, False, None
+        if raw.is_ray:
+            ray = self._ray(raw)
+        else:
+            point, point_is_proved = self._point(raw)
+        normal, offset, is_proved = self.half_space(raw)
+        made = Support(
+            raw.direction, point, ray, normal, offset, point_is_proved, is_proved, raw.is_mirrored
+        )
+        loaded, solution = self._solution(raw, made)
+        return replace(
+            made,
+            direction=raw.direction * self.units,
+            point=None if point is None else point * self.units,
+            ray=None if ray is None else ray * self.units,
+            normal=normal / self.units,
+            loaded=loaded * self.units,
+            solution=solution,
+            rates=raw.mechanism if solution.mechanism is None and np.isfinite(offset) else None,
+        )
+
+    def _towards(self, step: FloatArray) -> Certifier:
+        """The certifier for a live load of these factors; reference states are kept."""
+        result = copy(self.certifier)
+        statics = result.statics
+        result.assemblage = result.assemblage.under(statics.dead, self.forces @ step)
+        result.statics = result.assemblage.statics
+        return result
+
+    def _point(self, raw: Raw) -> tuple[FloatArray | None, bool]:
+        step = raw.factors - self.centre
+        if not np.abs(self.forces @ step).max() > 0.0:
+            return None, False
+        is_needed = self.certifier.witnesses.dead_state is None  # for the size of rates
+        found = self._towards(step).certificate(
+            raw.given, 1.0, raw.mechanism if is_needed else None
+        )
+        if not found.lower > 0.0:
+            return None, False
+        return self.centre + min(found.lower, 1.0) * step, found.lower_is_proved
+
+    def _ray(self, raw: Raw) -> FloatArray | None:
+        load = self.forces @ raw.factors
+        surfaces, formulation = self.certifier.strength.recession()
+        exact = carried_exactly(
+            self.assemblage.under(load, load),
+            lambda reached: Strength(reached, surfaces, formulation),
+            raw.given,
+        )
+        return None if exact is None else raw.factors / np.abs(raw.factors).max()
+
+    def half_space(self, raw: Raw) -> tuple[FloatArray, float, bool]:
+        """What a mechanism proves: loads do no more power on it than contacts can take up.
+
+        Where contacts lack opening that no field of rates can give them, the power of forces no
+        larger than a reference is added, and that is an assumption.
+        """
+        none = np.zeros(len(self.units)), np.inf, False
+        certifier = self.certifier
+        if raw.mechanism is None or not np.isfinite(raw.mechanism).all():
+            return none
+        if not self._has_field:
+            self._seek_field()
+        opened = certifier.opened(raw.mechanism)
+        motion, size = opened.rates.ravel(), np.abs(opened.rates).ravel()
+        normal = self.forces.T @ motion
+        offset = opened.dissipation - float(self.dead @ motion)
+        rounding = float(np.abs(self.dead) @ size) + abs(opened.dissipation)
+        rounding += float((np.abs(self.forces).T @ size) @ np.maximum(np.abs(raw.factors), 1.0))
+        length = float(np.linalg.norm(normal))
+        if offset < -BOUNDLESS * length - 1e-9 * rounding and opened.is_allowed:
+            return np.zeros(len(self.units)), -1.0, True  # nothing at all is carried
+        if not (np.isfinite(offset) and length > 1e-9 * rounding):
+            return none
+        offset += EPSILON * rounding
+        if not opened.is_allowed:
+            largest = float(np.abs(raw.forces).max(initial=0.0))
+            acting = float(np.abs(self.dead + self.forces @ raw.factors).sum())
+            offset += opened.missing * REFERENCE * max(acting, largest)
+        return normal / length, offset / length, opened.is_allowed
+
+    @cached_property
+    def _has_field(self) -> bool:
+        return self.certifier.witnesses.opening_field is not None
+
+    def _seek_field(self) -> None:
+        self._has_field = True  # asked once
+        problem = LimitProgram(
+            self.assemblage, self.surfaces, goal=largest_self_stress, reduction=self.reduction
+        )
+        for settings in problem.ladder()[:2]:
+            state = self.run.solve(problem.run, settings)
+            if state.mechanism is not None and self.certifier.offer_opening_field(state.mechanism):
+                return
+
+    def _solution(self, raw: Raw, made: Support) -> tuple[FloatArray, Solution]:
+        """The load factors (natural) that it is about, and the same as a solution under these."""
+        size = float(np.abs(raw.factors).max())
+        about = raw.factors / size if size > FLAT else raw.direction / np.abs(raw.direction).max()
+        push = float(made.normal @ about)
+        run = self.run.auxiliary_run(self.run.assemblage.under(self.dead, self.forces @ about))
+        run.given = self.run.given.with_live(combined(self.loads, self.units * about))
+        run.history, asked = [raw.iterate], Convex(self.tolerance)
+        internal = raw.given if self.certifier.strength.is_internal else None
+        if made.ray is not None:
+            run.best = Answer(None, Bracket(), raw.forces, None, internal=internal)
+            return about, packed(asked, run, Status.UNBOUNDED)
+        lower = -np.inf if made.point is None else float(made.point @ about) / float(about @ about)
+        upper = made.offset / push if push > 1e-9 else np.inf
+        proofs = made.point_is_proved, made.half_space_is_proved
+        bracket = Bracket(lower, upper, *proofs, least=FLAT)
+        power = 0.0 if raw.mechanism is None else float(self.forces @ about @ raw.mechanism.ravel())
+        is_its_own = power > 0.0 and np.isfinite(upper)
+        mechanism = raw.mechanism / power if raw.mechanism is not None and is_its_own else None
+        factor = size if size > FLAT else 0.0
+        run.best = Answer(factor, bracket, raw.forces, mechanism, internal=internal)
+        good = bracket.is_within(self.tolerance)
+        return about, packed(asked, run, Status.CERTIFIED if good else Status.NOT_CERTIFIED)
+
+    @cached_property
+    def mirrors(self) -> list[LoadMirror]:
+        """Mirror planes that carry the loads into each other; none if the model is kept whole."""
+        crushes = np.isfinite(self.assemblage.contacts.compressive_strength).any()
+        if crushes or self.run.model == "full":
+            return []
+        quiet = self.assemblage.statics.under(self.dead, np.zeros_like(self.dead))
+        return load_mirrors(quiet, self.forces, self.surfaces)

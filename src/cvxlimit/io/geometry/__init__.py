@@ -1,1 +1,0 @@
-"""Geometry files read as scenes: OBJ, STL, PLY, glTF, COMPAS assemblies and tables of boxes."""

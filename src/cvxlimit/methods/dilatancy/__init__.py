@@ -1,1 +1,0 @@
-"""Friction that slides without opening: solutions, bounds, what associated answers owe to it."""

@@ -1,0 +1,49 @@
+"""What the core offers at its doors: one table per group, of names and where what has them is.
+
+Extensions have tables of their own, ``OFFERED`` in their folders; other distributions have entry
+points of these groups.
+"""
+
+from cvxlimit.base.doors import Offered
+
+OFFERED: Offered = {
+    "cvxlimit.methods": {
+        "convex": "cvxlimit.methods.convex:Convex",
+        "exact": "cvxlimit.methods.exact_friction:ExactFriction",
+        "fixed-point": "cvxlimit.methods.fixed_point:FixedPoint",
+    },
+    "cvxlimit.commands": {
+        "solve": "cvxlimit.cli.solving:solve_command",
+        "explain": "cvxlimit.cli.solving:explain_command",
+        "show": "cvxlimit.cli.solving:show_command",
+        "settle": "cvxlimit.cli.solving:settle_command",
+        "export": "cvxlimit.cli.exporting:export_scene_command",
+        "export-problem": "cvxlimit.cli.exporting:export_command",
+        "prove": "cvxlimit.cli.proving:prove_command",
+    },
+    "cvxlimit.documents": {
+        "scene": "cvxlimit.io.scenes:SCENE",
+        "result": "cvxlimit.io.results:RESULT",
+    },
+    "cvxlimit.loads": {
+        "earth_pressure": "cvxlimit.scene.surroundings:earth_pressure",
+        "fill": "cvxlimit.scene.surroundings:fill",
+        "hydrostatic": "cvxlimit.scene.surroundings:hydrostatic",
+        "uplift": "cvxlimit.scene.surroundings:uplift",
+        "wheel": "cvxlimit.scene.surroundings:wheel",
+    },
+    "cvxlimit.readings": {
+        "scene_html": "cvxlimit.plotting.notebook:scene_html",
+        "scene_figure": "cvxlimit.plotting:scene_figure",
+        "scene_file": "cvxlimit.plotting:plot_scene",
+        "scene_explain": "cvxlimit.reductions.choice:explain",
+        "solution_html": "cvxlimit.plotting.notebook:solution_html",
+        "solution_plot": "cvxlimit.plotting:picture_of",
+        "solution_table": "cvxlimit.results.tables:table_of",
+        "solution_sensitivity": "cvxlimit.results.sensitivity:sensitivity",
+        "solution_report": "cvxlimit.plotting.reports:solution_report",
+        "solution_problem": "cvxlimit.problem.problem:problem_of",
+        "sensitivity_table": "cvxlimit.results.tables:sensitivity_table",
+    },
+}
+"""By group the places of names."""

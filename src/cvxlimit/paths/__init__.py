@@ -1,1 +1,0 @@
-"""After the collapse load factor: the path of a structure in finite displacements."""

@@ -1,0 +1,1 @@
+"""Results, domains, paths and sweeps, proved again."""

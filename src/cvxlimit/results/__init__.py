@@ -1,0 +1,1 @@
+"""What is read off a solution: sensitivity, utilisation, uniqueness, tables."""

@@ -1,0 +1,160 @@
+"""The code check against closed forms of a wall that turns about its toe, in 1, 3 and 8 courses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cvxlimit import Block, Load, Scene, Units
+from cvxlimit.errors import InputError
+from cvxlimit.extensions.paths.code_check import CodeCheck, code_check
+from turning import ANGLES, END, B, H, turning, wall
+
+G = 9.81
+
+
+def checked(courses: int, **options: object) -> CodeCheck:
+    return code_check(turning(wall(courses), ANGLES), 1.0, **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("courses", [1, 3, 8])
+def test_a_wall_in_courses_has_its_closed_form(courses: int) -> None:
+    check, n = checked(courses), courses
+    e_star = 3 * n**2 / (4 * n**2 - 1)
+    assert check.e_star == pytest.approx(e_star, rel=1e-8)
+    assert check.a0_star == pytest.approx(B / H * G / e_star, rel=1e-8)
+    assert check.d0 == pytest.approx(B / 2 / e_star, rel=1e-8)
+    assert check.d_SLV == pytest.approx(0.4 * check.d0, rel=1e-8)
+    assert check.d_SLC == pytest.approx(0.6 * check.d0, rel=1e-8)
+    assert pytest.approx(1.384597, abs=2e-6) == check.T_SLV  # whatever the number of courses
+    assert pytest.approx(1.932296, abs=2e-6) == check.T_SLC
+
+
+def test_grouped_courses_count_as_one_block() -> None:
+    one, grouped = checked(1), checked(8, groups=[[f"c{i}" for i in range(8)]])
+    for name in ("e_star", "a0_star", "d0", "d_SLV", "d_SLC", "T_SLV", "T_SLC", "weight"):
+        assert getattr(grouped, name) == pytest.approx(getattr(one, name), rel=1e-8)
+
+
+def test_periods_grow_with_the_confidence_factor_and_not_with_units_or_the_push() -> None:
+    one = checked(3)
+    for scene in (
+        wall(3).in_units(Units("mm", "N"), 1e3, 1e3),
+        wall(3).in_units(Units("ft", "kN"), 1 / 0.3048, 1.0),
+        wall(3).with_live(Load(acceleration=(2.5, 0.0, 0.0))),
+    ):
+        length = scene.blocks[1].vertices[:, 0].max() / B
+        path = turning(scene, ANGLES)
+        size = scene.live.acceleration[0]  # type: ignore[index]
+        path = replace(path, configurations=tuple(
+            replace(c, load_factor=c.load_factor / size) for c in path.configurations
+        ))  # fmt: skip
+        check = code_check(path, 1.35)
+        assert pytest.approx(one.T_SLV * np.sqrt(1.35), rel=1e-8) == check.T_SLV
+        assert check.d_SLC == pytest.approx(one.d_SLC * length, rel=1e-8)
+        assert check.a0_star == pytest.approx(one.a0_star * length / 1.35, rel=1e-8)
+
+
+def test_a_control_point_elsewhere_gives_the_same_spectral_displacement_at_first() -> None:
+    """Top and centre have moved in proportion while angles are small."""
+    path = turning(wall(3), (0.0, 1e-4, END))
+    top = replace(path, control=("c2", (1.0, 0.0, 0.0)))
+    one, other = code_check(path), code_check(top)
+    assert other.e_star == one.e_star
+    assert other.displacement[1] == pytest.approx(one.displacement[1], rel=1e-4)
+    assert path.displacement[1] < 0.7 * top.displacement[1]
+
+
+def test_local_failures_and_snaps_come_before_the_shares_of_d0() -> None:
+    check = checked(3, local_failure=0.06)
+    assert check.d_SLV == check.d_SLC == pytest.approx(0.06 / check.e_star)
+    assert check.slv.basis == "the local failure given"
+    path = turning(wall(3), ANGLES)
+    configurations = [*path.configurations]
+    for i in range(2, len(configurations) - 1):  # what is left after a tie, say, has failed
+        configurations[i] = replace(configurations[i], load_factor=0.01)
+    snapped = code_check(
+        replace(path, configurations=tuple(configurations), snaps=(float(path.w[1]),))
+    )
+    assert snapped.d_SLV == pytest.approx(path.w[1] / check.e_star)
+    assert "snap" in snapped.slv.basis
+    assert snapped.d0 == pytest.approx(check.d0)
+
+
+def test_where_joints_slide_the_check_is_of_the_finer_run_if_that_got_to_its_end() -> None:
+    path = turning(wall(1), ANGLES)
+    lower = [replace(c, load_factor=0.9 * c.load_factor) for c in path]
+    fine = replace(path, configurations=tuple(lower))
+    check = code_check(replace(path, halved=fine, notes=("both",)))
+    assert check.acceleration == pytest.approx(0.9 * code_check(path).acceleration)
+    assert check.notes == ("both", "the check is of the run with half the step")
+    broken = replace(fine, configurations=fine.configurations[:3], status="not-converged")
+    check = code_check(replace(path, halved=broken, notes=("both",)))
+    assert check.acceleration.tolist() == code_check(path).acceleration.tolist()
+    assert "not of the run with half the step" in check.notes[-1]
+
+
+def test_what_friction_at_points_adds_is_told() -> None:
+    path = turning(wall(1), ANGLES)
+    more = replace(path, initial=replace(path.initial, load_factor=path.load_factor[0] / 1.05))
+    assert code_check(path).notes == path.notes
+    assert "changes a0* by +5.0% against solve's" in code_check(more).notes[-1]
+
+
+def test_where_nothing_holds_the_wall_any_more_it_ends_there() -> None:
+    path = turning(wall(1), ANGLES[:-1])
+    check = code_check(replace(path, status="falls", reason="c0 falls"))
+    assert check.d0 == path.w[-1]
+    assert "falls" in check.ends
+
+
+def test_what_the_code_does_not_speak_of_is_refused() -> None:
+    path = turning(wall(3), ANGLES[:-1])
+    with pytest.raises(InputError, match=r"ends at .* follow it until 0"):
+        code_check(path)
+    whole = turning(wall(3), ANGLES)
+    for groups, said in (
+        ([["c0", "c9"]], "'c9', which is no free block"),
+        ([["c0"], ["c1", "c0"]], "'c0' is in two groups"),
+    ):
+        with pytest.raises(InputError, match=said):
+            code_check(whole, groups=groups)
+    with pytest.raises(InputError, match="confidence factor must be above 0"):
+        code_check(whole, 0.0)
+    for scene, said in (
+        (wall(3).in_units(Units("ell", "kN"), 1.0, 1.0), "unit 'ell'"),
+        (wall(3, (1.0, 0.0, 0.5)), "must be a horizontal acceleration"),
+        (wall(3).with_live(Load(forces={"c2": (1, 0, 0, 0, 0, 0)})), "must be a horizontal"),
+    ):
+        with pytest.raises(InputError, match=said):
+            code_check(turning(scene, ANGLES))
+
+
+def test_blocks_that_stand_still_do_not_count_and_cannot_be_grouped_with_others() -> None:
+    beside = Block.box("pier", (-0.8, 0, 0), (-0.2, 1, 0.3), density=20.0)
+    scene = wall(1)
+    both = Scene([*scene.blocks, beside], ["ground"], scene.live, friction=0.7)
+    path = turning(both, ANGLES)
+    still = tuple(
+        replace(c, displacements=c.displacements | {"pier": np.zeros(6)},
+                w=c.w * scene.total_weight / both.total_weight) for c in path.configurations
+    )  # fmt: skip
+    found, alone = (
+        code_check(replace(path, configurations=still)),
+        code_check(turning(scene, ANGLES)),
+    )
+    for name in ("weight", "e_star", "a0_star", "d0", "T_SLV"):
+        assert getattr(found, name) == pytest.approx(getattr(alone, name), rel=1e-7)
+    with pytest.raises(InputError, match="do not move as one"):
+        code_check(replace(path, configurations=still), groups=[["c0", "pier"]])
+
+
+def test_the_report_names_every_quantity_and_its_source() -> None:
+    check = checked(3)
+    table = check.to_dataframe().set_index("quantity")
+    assert table.loc["T_SLV", "value"] == check.T_SLV
+    assert table.loc["a SLV", "value"] == 2.0 * table.loc["a SLD", "value"] == 2.0 * check.a0_star
+    for said in ("e*", "d_SLC", "1.93", "Circolare 7/2019", "compared with the code in force"):
+        assert said in str(check)
