@@ -146,8 +146,8 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Ahead:
-    """The answer of an explicit step: ``load_factor``, ``forces`` (k, 3) as n, v1, v2 at the points, the next
-    displacement ``d`` (free blocks, 6), and the ``residual`` of equilibrium over the weight."""
+    """The answer of an explicit step: ``load_factor``, ``forces`` (k, 3) as n, v1, v2 at points,
+    the next displacement ``d`` (free blocks, 6), and what equilibrium lacks, over the weight."""
 
     load_factor: float
     forces: FloatArray
