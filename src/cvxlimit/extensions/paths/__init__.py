@@ -1,7 +1,7 @@
 """After the collapse load factor: the path of a structure in finite displacements, its code check.
 
 Its doors are ``cvxlimit.commands`` (``pushover``), ``cvxlimit.readings``, ``cvxlimit.documents``,
-``cvxlimit.files`` and ``cvxlimit.proofs``. To read: ``path.py``, what comes out; ``pairs.py`` and
+``cvxlimit.files`` and ``cvxlimit.proofs``. To read: ``path.py``, the result; ``pairs.py`` and
 ``points.py``, contacts of displaced blocks; ``refusing.py``, what has none; ``increment.py``, one
 convex step; ``following.py``, steps and snaps; ``pushover.py``, the call; ``proof.py`` and
 ``proving.py``; ``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
