@@ -42,6 +42,7 @@ class ConeProgram:
 
     ``cost`` (n,), ``matrix`` (m, n) and ``right`` (m,) are c, A and b; ``zero`` rows of equations
     come first, then ``nonneg`` inequalities, then second-order cones of the sizes in ``cones``.
+    With ``quadratic`` (n, n) given, P, the cost is c . x + x'Px/2, which Clarabel alone takes.
     Our own solver may end where the dual objective is ``enough``.
 
     Example
@@ -61,6 +62,7 @@ class ConeProgram:
     nonneg: int
     cones: tuple[int, ...] = ()
     enough: float = np.inf
+    quadratic: sp.csc_array | None = None
 
     @classmethod
     def of(cls, problem: cp.Problem) -> ConeProgram:
@@ -120,6 +122,8 @@ class ConeProgram:
                 "enough": self.enough,
             }
             data |= {keys.A: self.matrix, keys.B: self.right}
+            if self.quadratic is not None:
+                data[keys.P] = self.quadratic
             if row.splits_equations:
                 by_row = self.matrix.tocsr()
                 data |= {keys.A: by_row[:p].tocsc(), keys.B: self.right[:p]}

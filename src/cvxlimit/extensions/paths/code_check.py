@@ -298,6 +298,10 @@ def code_check(
     times = size * gravity / (e_star * factor)  # acceleration over the load factor
     d0, ends = (np.nan, "") if refused else _end(path)
 
+    def between(share: float) -> str:
+        low, high = (f"{share * spectral * end:.4g}" for end in whole.d0_interval)
+        return f", {low} to {high} by step and flow" * bool(whole.followed)
+
     half = 0.5 * path.load_factor.max()
     drops = [k for _, k in path.pieces[:-1] if path.load_factor[k - 1] - path.load_factor[k] > half]
     failures = [(path.displacement[k - 1], "a snap costs more than half of it") for k in drops]
@@ -308,7 +312,7 @@ def code_check(
         failures.append((positive(local_failure, "local failure"), "the local failure given"))
 
     def limit(share: float, period: float) -> Limit:
-        at, basis = min([(share * d0, f"{share:g} d0"), *failures])
+        at, basis = min([(share * d0, f"{share:g} d0{between(share)}"), *failures])
         found = configuration_at(path, at)
         a, d = times * found.load_factor, spectral * at
         return Limit(float(d), float(a), float(period * np.pi * np.sqrt(d / a)), basis, found)
@@ -317,7 +321,7 @@ def code_check(
     return CodeCheck(
         scene.name, scene.units, factor, gravity, positive(q, "q"), float(total), float(e_star),
         float(times * path.load_factor[0]), spectral * path.displacement,
-        times * path.load_factor, path.pieces, float(spectral * d0), ends,
+        times * path.load_factor, path.pieces, float(spectral * d0), ends + between(1.0),
         slv, slc, notes, refused,
         _in_time(path, motions, np.nan if slv is None else float(slv.displacement / spectral)),
     )  # fmt: skip

@@ -167,19 +167,22 @@ def _table(path: Displacements) -> Table:
     unit = path.scene.units.length
     for name in (f"w ({unit})", f"displacement ({unit})", "load factor", "lower", "upper"):
         table.add_column(name, justify="right")
+    table.add_column("")
     for each, x in zip(path, path.displacement.tolist(), strict=True):
         bracket = each.bracket or Bracket()
         table.add_row(f"{each.w:.6g}", f"{x:.6g}", rounded(each.load_factor),
                       *(end(value) if np.isfinite(value) else "" for end, value in
-                        ((rounded_down, bracket.lower), (rounded_up, bracket.upper))))  # fmt: skip
+                        ((rounded_down, bracket.lower), (rounded_up, bracket.upper))),
+                      "followed" * each.is_followed)  # fmt: skip
     return table
 
 
 def _verdict(path: Displacements) -> ExitCode:
     if path.status not in ("zero", "falls", "blocked") and path.reason != path.headline:
         return refuse(ExitCode.NOT_GOOD_ENOUGH, f"{path.status}: {path.reason}")
-    if path.halved is not None and path.halved.status == "interrupted":
-        return refuse(ExitCode.NOT_GOOD_ENOUGH, f"with half the step {path.halved.reason}")
+    for run, which in ((path.halved, "with half the step"), (path.other_flow, "the other flow")):
+        if run is not None and run.status == "interrupted":
+            return refuse(ExitCode.NOT_GOOD_ENOUGH, f"{which}: {run.reason}")
     if wide := sum(not width <= TOLERANCE for width in _widths(path)):
         return refuse(
             ExitCode.NOT_GOOD_ENOUGH,

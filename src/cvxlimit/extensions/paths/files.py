@@ -9,7 +9,7 @@ import numpy as np
 
 from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.paths.path import Configuration, Ending, Flow, Points, Work
+from cvxlimit.extensions.paths.path import Configuration, Ending, Flow, Points, Work, other_than
 from cvxlimit.extensions.paths.path import Path as Displacements
 from cvxlimit.extensions.paths.starting import begun
 from cvxlimit.io.fields import (
@@ -105,6 +105,7 @@ CONFIGURATION = record(
         "residual": Key(FIGURE, is_needed=True),
         "iterates": Key(WHOLE, is_needed=True),
         "loss": Key(FIGURE),
+        "is_followed": Key(FLAG, "followed"),
     },
     dict,
 )
@@ -147,8 +148,9 @@ CONTROL = plain(
 
 
 def _path(
-    scene: Scene, initial: Solution | None, halved: JsonObject | None = None, **given: Any
-) -> Displacements:
+    scene: Scene, initial: Solution | None, halved: JsonObject | None = None,
+    other_flow: JsonObject | None = None, **given: Any,
+) -> Displacements:  # fmt: skip
     """A path whose parts belong to each other."""
     scene = begun(scene)[0]
     path = _run(scene, initial, **given)
@@ -156,13 +158,16 @@ def _path(
         own, found = (getattr(each, name, None) for each in (initial, path.initial))
         if own and str(own) != str(found):
             raise InputError(f"{name} of initial must be those of the scene, got {shown(str(own))}")
-    if halved is None:
-        return path
-    with refusals("halved: "):
-        shared = {"flow": path.flow, "control": path.control, "until": path.until}
-        shared |= {"stretch": path.stretch}
-        fine = _run(scene, initial, **halved, **shared)  # type: ignore[arg-type]
-    return replace(path, halved=fine)
+    beside = dict[str, Any]()
+    for name, flow, run in (
+        ("halved", path.flow, halved), ("other_flow", other_than(path.flow), other_flow),
+    ):  # fmt: skip
+        if run is not None:
+            with refusals(f"{name}: "):
+                shared = {"flow": flow, "control": path.control, "until": path.until}
+                shared |= {"stretch": path.stretch}
+                beside[name] = _run(scene, initial, **run, **shared)  # type: ignore[arg-type]
+    return replace(path, **beside)
 
 
 def _run(
@@ -203,7 +208,7 @@ RUN = {
     "notes": Key(listed(TEXT), "{key}"),
     "failures": Key(listed(FAILURE, "failure {i}"), "{key}"),
 }
-"""What a path has of its own, beside the run with half the step."""
+"""What a path has of its own, beside the runs with half the step and the other flow."""
 
 
 PATH: Document[Displacements] = Document(
@@ -218,7 +223,10 @@ PATH: Document[Displacements] = Document(
             "control": Key(nullable(CONTROL), "{key}"),
             "until": Key(FINITE, "{key}"),
             "stretch": Key(FIGURE, "{key}"),
-            "halved": Key(nullable(record(Displacements, RUN, dict)), "{key}"),
+            **{
+                name: Key(nullable(record(Displacements, RUN, dict)), "{key}")
+                for name in ("halved", "other_flow")
+            },
         },
         _path,
     ),

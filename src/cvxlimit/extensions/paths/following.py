@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.paths.bonds import Bonds
-from cvxlimit.extensions.paths.increment import Found, Increment, Loads, Near
+from cvxlimit.extensions.paths.increment import Ahead, Found, Increment, Loads, Near
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.extensions.paths.path import (
     CLOSED,
@@ -57,6 +57,10 @@ _LOST = 1e-2
 """Share of a step's work that friction without dilatancy may lack: no load factor between two
 equilibria is told to less where joints slide. Iterates end at once below ``SLIDING``."""
 
+FARTHEST, LEFT = 0.05, 0.05**2
+"""Largest movement of an explicit step over the contact size, and what its linearisation leaves of
+gaps; what would go farther goes on in several steps."""
+
 _TURN = 0.5
 """Largest rotation of an iterate, in radians: a tangent says nothing beyond."""
 
@@ -82,7 +86,7 @@ class At:
 
 
 @dataclass(frozen=True, eq=False)
-class _Failed:
+class Failed:
     """An equilibrium that was not found at ``w``: how the path ends there, and how far each free
     block ``moved`` in the last iterate (free blocks,)."""
 
@@ -113,7 +117,7 @@ class Walk:
         self.snaps: list[float] = []
         self.step = 0.0
 
-    def first(self) -> At | _Failed:
+    def first(self) -> At | Failed:
         """Returns the configuration of the scene as given, at the largest load factor."""
         pose = self.begin.pose
         points = self.begin.points(pose)
@@ -124,24 +128,24 @@ class Walk:
             push = self.size * self.loads.size
             answer, loss = increment.rates_without_dilatancy(push, SLIDING)
         if not isinstance(answer, Found):
-            return _Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
+            return Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
         shown = self._shown(pose, points, answer, 0.0, 0.0, 1, loss)
         return replace(shown, bonds=self.begin.bonds)
 
-    def settle(self, start: At, w: float) -> At | _Failed:
+    def settle(self, start: At, w: float) -> At | Failed:
         """Returns the equilibrium at ``w`` to which the iterates from ``start`` lead. The cohesion
         and the ties that come apart on the way do not hold there, so that it is sought again
         without them."""
         while True:
             found = self._settle(start, w)
-            if start.bonds is None or isinstance(found, _Failed):
+            if start.bonds is None or isinstance(found, Failed):
                 return found
             left = start.bonds.holding(found.pose)
             if not start.bonds.lost(left):
                 return replace(found, bonds=left.after(found.pose))
             start = replace(start, bonds=left)
 
-    def _settle(self, start: At, w: float) -> At | _Failed:
+    def _settle(self, start: At, w: float) -> At | Failed:
         """Returns the equilibrium with all that holds at the start. Where nothing slides the
         associated one is also one without dilatancy, in half the time."""
         if self.has_dilatancy or not start.slides:
@@ -150,25 +154,28 @@ class Walk:
                 return found
         return self._without_dilatancy(start, w)
 
-    def _start(self, at: At) -> Start:
+    def start(self, at: At) -> Start:
         if at.pose is self.begin.pose:
             return self.begin if at.bonds is None else replace(self.begin, bonds=at.bonds)
         return Start.at(self.facets, at.pose, at.loose, at.bonds)
+
+    def moved(self, d: FloatArray) -> FloatArray:
+        """Returns how far each free block moves (length) by ``d`` (free blocks, 6)."""
+        return np.linalg.norm(d[:, :3], axis=1) + np.linalg.norm(d[:, 3:], axis=1) * self.radius
 
     def _moved(self, answer: Found) -> tuple[FloatArray, float]:
         """Returns how far an increment moves each free block (length), and the largest share of it
         for which its linearisation holds."""
         turned = np.linalg.norm(answer.d[:, 3:], axis=1)
-        moved = np.linalg.norm(answer.d[:, :3], axis=1) + turned * self.radius
-        return moved, _TURN / max(float(turned.max()), 1e-300)
+        return self.moved(answer.d), _TURN / max(float(turned.max()), 1e-300)
 
-    def _no_answer(self, answer: Outcome, w: float, moved: FloatArray) -> _Failed:
+    def _no_answer(self, answer: Outcome, w: float, moved: FloatArray) -> Failed:
         is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
-        return _Failed(w, "blocked" if is_blocked else "falls", moved)
+        return Failed(w, "blocked" if is_blocked else "falls", moved)
 
-    def _associated(self, start: At, w: float) -> At | _Failed:
+    def _associated(self, start: At, w: float) -> At | Failed:
         """Returns the equilibrium at ``w`` with dilatancy, where an increment moves nothing."""
-        begin, pose, before, step, last = self._start(start), start.pose, np.inf, 1.0, None
+        begin, pose, before, step, last = self.start(start), start.pose, np.inf, 1.0, None
         moved = np.zeros(len(self.scene.free))
         for iterate in range(1, _MANY + 1):
             points, number = begin.numbered(pose)
@@ -183,7 +190,7 @@ class Walk:
                 found = self._shown(pose, points, answer, w, size, iterate)
                 apart = Start.at(self.facets, pose, found.loose).points(pose)
                 if apart.gap.min(initial=0.0) < -CLOSED * self.size:
-                    return _Failed(w, "not-converged", moved)
+                    return Failed(w, "not-converged", moved)
                 return found
             # Where mechanisms compete, whole iterates go to and fro between them: the next one is
             # twice as long where at least half of what this one should have brought came of it.
@@ -195,13 +202,13 @@ class Walk:
             step = min(share if iterate > 4 else 1.0, most)
             pose = pose.moved(self.scene.free, step * answer.d)
             last = (answer, step, number) if size < _FAR else None
-        return _Failed(w, "not-converged" if size < 0.1 else "falls", moved)
+        return Failed(w, "not-converged" if size < 0.1 else "falls", moved)
 
-    def _without_dilatancy(self, start: At, w: float) -> At | _Failed:
+    def _without_dilatancy(self, start: At, w: float) -> At | Failed:
         """Returns the equilibrium at ``w`` without dilatancy. Every iterate solves two problems on
         exact geometry: friction for the slips so far, then displacements with friction of these
         forces. Where slips keep changing direction the iterate with the least loss counts."""
-        begin, pose, size = self._start(start), start.pose, np.inf
+        begin, pose, size = self.start(start), start.pose, np.inf
         moved, best = np.zeros(len(self.scene.free)), None
         work = abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
         for iterate in range(1, _MANY + 1):
@@ -231,11 +238,11 @@ class Walk:
                 if is_still or (best is not None and best.shown.loss <= SLIDING):
                     break
             pose = pose.moved(self.scene.free, min(1.0, most) * answer.d)
-        return best or _Failed(w, "not-converged" if size < 0.1 else "falls", moved)
+        return best or Failed(w, "not-converged" if size < 0.1 else "falls", moved)
 
     def _shown(
-        self, pose: Pose, points: Points, answer: Found, w: float, residual: float, iterates: int,
-        loss: float = 0.0,
+        self, pose: Pose, points: Points, answer: Found | Ahead, w: float, residual: float,
+        iterates: int, loss: float = 0.0,
     ) -> At:  # fmt: skip
         free = self.scene.free
         turn = Rotation.from_matrix(pose.turn[free]).as_rotvec()
@@ -247,12 +254,22 @@ class Walk:
         )  # fmt: skip
         return At(pose, shown, *self._slid(shown))
 
+    def followed(
+        self, pose: Pose, points: Points, ahead: Ahead, w: float, before: float
+    ) -> At:  # fmt: skip
+        """Returns a configuration that an explicit step led to, from one at w ``before``."""
+        work = abs(self.found[0].shown.load_factor) * (w - before) * self.loads.size
+        loss = points.lost(ahead.forces, self.flow) / work
+        at = self._shown(pose, points, ahead, w, ahead.residual, 1, loss)
+        shown = replace(at.shown, is_followed=True)
+        return At(pose, shown, *self._slid(shown))
+
     def _slid(self, shown: Configuration) -> tuple[float, bool]:
         """Returns the widest gap opened by slips at points that bear, and whether any slid."""
         points, n = shown.points, shown.forces[:, 0]
         bears = n > CLOSED * n.max(initial=0.0)
         is_opened = bears & (points.distance <= CLOSED * self.size) & self.has_dilatancy
-        opened = points.gap[is_opened]
+        opened = points.gap[bears if shown.is_followed else is_opened]
         slip = points.friction[bears] * np.linalg.norm(points.slip[bears], axis=1)
         return float(opened.max(initial=0.0)), bool((slip > CLOSED * self.size).any())
 
@@ -271,11 +288,17 @@ class Walk:
             self.found.append(At(pose, shown, *self._slid(shown), bonds))
 
     def proved(self, found: At) -> At:
+        """Returns a configuration with its bracket. One that is followed has none where forces bear
+        across wider gaps than linearised steps leave, nor where both ends are not proved."""
         shown = found.shown
-        least = 0.0 if self.has_dilatancy else shown.points.bearing_gap(shown.forces)
+        least = shown.bearing_gap(self.flow)
+        if shown.is_followed and least > LEFT * self.size:
+            return found
         bracket, widest = bracket_of(
             self.scene, shown.points, found.pose, self.loads, self.flow, least
         )
+        if shown.is_followed and not bracket.is_proved:
+            return found
         return replace(found, shown=replace(shown, bracket=bracket, widest_gap=widest))
 
     def keep(self, found: At) -> None:
@@ -298,22 +321,25 @@ class Walk:
         why. Steps lead from one of the ``marks`` (w) to the next, and are ``step`` beyond them."""
         if not self.found:
             first = self.first()
-            if isinstance(first, _Failed):
+            if isinstance(first, Failed):
                 return "not-converged", "the first configuration has no solution"
             self.keep(first)
         if self.found[-1].shown.load_factor <= until:
             return "zero", f"the load factor is no more than {until:g} from the start"
         h = self.step = step or self.size / 40.0
         h = h if marks is None else self._to_next(marks)
+        before = self.found[-2:-1]
+        if before and before[0].shown.is_followed:  # as far as explicit steps went
+            h = min(h, self.found[-1].shown.w - before[0].shown.w)
         pace = np.inf
         while len(self.found) <= MOST:
             # One step, halved where no equilibrium is found.
             here = self.found[-1]
             there = self.settle(here, here.shown.w + h)
-            if isinstance(there, _Failed):
+            if isinstance(there, Failed):
                 h *= 0.5
                 if h < FINEST * self.step:
-                    return there.kind, self._why(there)
+                    return there.kind, self.why(there.kind, there.moved)
                 continue
             # A jump on the way is enclosed, and both its ends belong to the path.
             may_have = self.lost(here, there) or self._may_have_jumped(here, there, pace)
@@ -408,7 +434,7 @@ class Walk:
         whole, halvings = np.maximum(happens(low, high), 1e-300), 0
         while high.shown.w - low.shown.w > FINEST * self.step or halvings < 4:
             middle = self.settle(low, 0.5 * (low.shown.w + high.shown.w))
-            if isinstance(middle, _Failed):
+            if isinstance(middle, Failed):
                 return None
             halves = happens(low, middle) / whole, happens(middle, high) / whole
             low, high = (low, middle) if halves[0].sum() > halves[1].sum() else (middle, high)
@@ -431,7 +457,7 @@ class Walk:
         def left(w: float) -> float:
             if w not in found:
                 at = self.settle(here, w)
-                if isinstance(at, _Failed):
+                if isinstance(at, Failed):
                     raise ArithmeticError
                 found[w] = at
             rest = found[w].shown.load_factor - until
@@ -442,16 +468,16 @@ class Walk:
         del found[here.shown.w]
         return min(found.values(), key=lambda x: abs(x.shown.load_factor - until))
 
-    def _why(self, failed: _Failed) -> str:
+    def why(self, kind: Ending, moved: FloatArray) -> str:
         """Returns a sentence about a failure, with the blocks that move most."""
         ids = [self.scene.blocks[i].id for i in self.scene.free]
-        order = np.argsort(-failed.moved, kind="stable")[:3]
-        named = [ids[i] for i in order.tolist() if failed.moved[i] > 0.3 * failed.moved.max()]
-        who = f"; blocks that move most: {', '.join(named)}" if named and failed.moved.any() else ""
+        order = np.argsort(-moved, kind="stable")[:3]
+        named = [ids[i] for i in order.tolist() if moved[i] > 0.3 * moved.max()]
+        who = f"; blocks that move most: {', '.join(named)}" if named and moved.any() else ""
         what = {
             "falls": "no equilibrium follows",
             "blocked": "no load factor moves the blocks any farther",
-        }.get(failed.kind, "the iterates do not settle")
+        }.get(kind, "the iterates do not settle")
         return f"{what} beyond w = {self.found[-1].shown.w:.6g}{who}"
 
     def work(self) -> Work:
@@ -490,7 +516,7 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
 
     def beyond(w: float) -> float:
         settled = walk.settle(here, w)
-        if isinstance(settled, _Failed):
+        if isinstance(settled, Failed):
             raise ArithmeticError
         found[w] = settled
         return float(replace(path, configurations=(settled.shown,)).displacement[0] - displacement)

@@ -198,6 +198,17 @@ class Found:
     duals: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Ahead:
+    """The answer of an explicit step: ``load_factor``, ``forces`` (k, 3) as n, v1, v2 at points,
+    the next displacement ``d`` (free blocks, 6), and what equilibrium lacks, over the weight."""
+
+    load_factor: float
+    forces: FloatArray
+    d: FloatArray
+    residual: float
+
+
 class Near(NamedTuple):
     """Where an iterate starts from: the answer before (``found``), the ``share`` of its d by which
     blocks have moved, and ascending numbers of the points ``before`` and ``now``."""

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.blocks import Block
@@ -70,6 +71,12 @@ class Pose:
         shift[blocks] += d[:, :3]
         turn[blocks] = rotation(d[:, 3:]) @ turn[blocks]
         return Pose(self.centroid, shift, turn)
+
+    def since(self, other: Pose, blocks: IntArray) -> FloatArray:
+        """Returns the displacements (k, 6) of some blocks that lead here from another pose."""
+        turn = self.turn[blocks] @ np.swapaxes(other.turn[blocks], 1, 2)
+        way = self.shift[blocks] - other.shift[blocks]
+        return np.concatenate([way, Rotation.from_matrix(turn).as_rotvec()], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

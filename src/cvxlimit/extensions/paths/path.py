@@ -21,7 +21,7 @@ from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import VISIBLE
 
 Flow = Literal["associated", "zero-dilatancy"]
-Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted"]
+Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted", "slides"]
 
 PROVES = "a bracket proves what its configuration carries, not that the structure gets there"
 """What every table and picture of a path says."""
@@ -37,7 +37,7 @@ CLOSED = 1e-6
 
 LEVEL = 0.1
 """A curve is level where it falls less than a tenth as fast as on the whole way, and a path slides
-away where that lasts for a tenth of the way while a tenth of what joints move by is slip. What
+away where that lasts for a tenth of the way while joints slide by more than they turn. What
 rocks falls at half to twice that pace; what slides is level until a support ends."""
 
 
@@ -88,11 +88,17 @@ class Points:
         """Gap less friction times slip (k,): what a point has to close, opened by its own slip."""
         return np.asarray(self.gap - self.friction * np.linalg.norm(self.slip, axis=1))
 
-    def lost(self, forces: FloatArray) -> float:
-        """What forces (k, 3) lack of friction without dilatancy, a work: compressions across gaps,
-        and friction that does not oppose the whole slip. Never negative, zero for a solution."""
+    def apart(self, flow: Flow) -> FloatArray:
+        """What has to close (k,): gaps, less what slip opens with dilatancy."""
+        return self.distance if flow == "associated" else self.gap
+
+    def lost(self, forces: FloatArray, flow: Flow = "zero-dilatancy") -> float:
+        """What forces (k, 3) lack of friction by the ``flow`` rule, a work: compressions across
+        gaps, and friction that does not oppose the whole slip. Never negative, zero for a
+        solution."""
         n, slid = forces[:, 0], np.linalg.norm(self.slip, axis=1)
-        lost = n * self.gap + self.friction * n * slid + (forces[:, 1:] * self.slip).sum(axis=1)
+        lost = n * self.apart(flow) + self.friction * n * slid
+        lost = lost + (forces[:, 1:] * self.slip).sum(axis=1)
         if self.is_bound:  # cohesion that slips, and ties that yield at less than they bear
             yields = np.where(np.isfinite(self.most), self.most, 0.0) * np.maximum(-self.gap, 0.0)
             lost = lost + self.cohesion * slid + yields
@@ -117,12 +123,12 @@ class Points:
     def closed(self, flow: Flow, least: float) -> Points:
         """Those whose gap, less friction times slip where that is what joints open by, is no more
         than ``least``."""
-        return self.take((self.distance if flow == "associated" else self.gap) <= least)
+        return self.take(self.apart(flow) <= least)
 
-    def bearing_gap(self, forces: FloatArray) -> float:
-        """The widest gap across which forces (k, 3) bear."""
+    def bearing_gap(self, forces: FloatArray, flow: Flow = "zero-dilatancy") -> float:
+        """The widest gap across which forces (k, 3) bear, less what slip opens by the rule."""
         bears = forces[:, 0] > CLOSED * forces[:, 0].max(initial=0.0)
-        return float(self.gap[bears].max(initial=0.0))
+        return float(self.apart(flow)[bears].max(initial=0.0))
 
     def take(self, which: NDArray[Any]) -> Points:
         """Some of the points, by number or by a truth value for each."""
@@ -170,12 +176,18 @@ class Configuration:
     widest_gap : float
         The widest gap, less friction times slip, among points that count as closed.
     residual : float
-        How far the last iterate would still move a point, over the typical contact size.
+        How far the last iterate would still move a point, over the typical contact size; of one
+        that is followed what equilibrium lacks, over the dead load.
     iterates : int
         Iterates that found it.
     loss : float
-        Without dilatancy, what friction lacks of acting against the whole slip of the last step, as
-        a share of the step's work at the first load factor; 0 for a solution.
+        Without dilatancy or followed, what friction lacks of acting against the whole slip of the
+        last step at closed joints, as a share of the step's work at the first load factor; 0 for a
+        solution.
+    is_followed : bool
+        True where no iterates came to rest and an explicit step went on: forces are within
+        friction, equilibrium lacks ``residual`` and friction ``loss``. There is a bracket where
+        joints are closed but for what linearised steps leave.
     """
 
     start: Scene
@@ -189,6 +201,13 @@ class Configuration:
     residual: float = 0.0
     iterates: int = 0
     loss: float = 0.0
+    is_followed: bool = False
+
+    def bearing_gap(self, flow: Flow) -> float:
+        """The gap up to which points count as closed in any case: where blocks slide without
+        opening or are followed, the widest across which forces bear."""
+        is_exact = flow == "associated" and not self.is_followed
+        return 0.0 if is_exact else self.points.bearing_gap(self.forces, flow)
 
     def scene(self) -> Scene:
         """The scene with moved blocks, and point loads, pressures and ties that moved with them;
@@ -218,7 +237,8 @@ class Path:
     status : str
         ``"zero"`` where the load factor asked for (0) is reached; ``"falls"`` where no equilibrium
         follows; ``"blocked"`` where nothing can move on; ``"steps"`` where the number of steps ran
-        out; ``"not-converged"``; ``"interrupted"``.
+        out; ``"slides"`` where explicit steps are level for the contact size; ``"not-converged"``;
+        ``"interrupted"``.
     reason : str
         The same in a sentence, with the names of blocks.
     flow : str
@@ -239,6 +259,8 @@ class Path:
         Joints that lost their cohesion and ties that broke: w before, and which.
     stretch : float
         Share of its length by which a tie could be stretched.
+    other_flow : Path or None
+        Of a path with configurations that are followed: the same by the other flow rule.
     """
 
     format: ClassVar[str] = "cvxlimit-path"
@@ -258,6 +280,7 @@ class Path:
     until: float = 0.0
     failures: tuple[tuple[float, str], ...] = ()
     stretch: float = 0.0
+    other_flow: Path | None = None
 
     def __len__(self) -> int:
         return len(self.configurations)
@@ -271,7 +294,7 @@ class Path:
     def __repr__(self) -> str:
         first, last = self.load_factor[0], self.load_factor[-1]
         low, high = self.d0_interval
-        both = f", d0 {low:.4g} to {high:.4g} by the step" if low < high else ""
+        both = f", d0 {low:.4g} to {high:.4g} by {self._by}" if low < high else ""
         both = ", slides: no d0" if self.slides_away else both
         return (
             f"Path({self.scene.name!r}: {len(self) - 1} steps, load factor {first:.5g} to "
@@ -340,21 +363,17 @@ class Path:
         """True if the load factor stays level because joints slide: such a path has no d0, since it
         ends where supports were drawn to end."""
         w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
-        # What slides at first and does not turn stays as it is, whatever steps show of it.
-        first = self.initial
-        rates = np.array([*((first and first.mechanism) or {}).values()])
-        dilatancy = None if first is None else first.dilatancy
-        if len(rates) and dilatancy is not None and dilatancy.share > LEVEL:
-            shift, turn = (np.linalg.norm(rates[:, k : k + 3], axis=1).max() for k in (0, 3))
-            still = turn * self.scene.contacts.typical_size <= VISIBLE * shift
-            if still and alpha.max() <= (1.0 + LEVEL) * alpha[0]:
-                return True
+        if (
+            slides_at_first(self.initial, self.scene.contacts.typical_size)
+            and alpha.max() <= (1.0 + LEVEL) * alpha[0]
+        ):
+            return True
         if not self.slides or not self._last:
             return False
         slip, turn = self._moved.T
         least = max(LEVEL * (alpha[0] - alpha[-1]), SLIDING * abs(alpha[0])) / w[-1]
-        is_level = -np.diff(alpha) < least * np.diff(w)
-        return bool(np.diff(w)[is_level & (slip > LEVEL * (slip + turn))].sum() > LEVEL * w[-1])
+        is_level = np.abs(np.diff(alpha)) < least * np.diff(w)
+        return bool(np.diff(w)[is_level & (slip > turn)].sum() > LEVEL * w[-1])
 
     @cached_property
     def sliding_joints(self) -> dict[str, float]:
@@ -366,6 +385,25 @@ class Path:
                 found[name] = found.get(name, 0.0) + far
         order = sorted(found, key=lambda name: -found[name])
         return {name: found[name] for name in order if found[name] > LEVEL * found[order[0]] > 0.0}
+
+    @property
+    def followed(self) -> str:
+        """How many configurations are followed and what these lack, in words; empty of none."""
+        found = [each for each in self if each.is_followed]
+        if not found:
+            return ""
+        bare = sum(each.bracket is None for each in found)
+        return (
+            f"{len(found)} of {len(self)} configurations are followed by explicit steps, since no "
+            f"iterates came to rest: equilibrium lacks up to {max(x.residual for x in found):.0e} "
+            "of the dead load, and d0 and load factors are an interval over step and flow"
+            + f"; no bracket is proved for {bare} of them"
+            * bool(bare)
+        )
+
+    @property
+    def _by(self) -> str:
+        return "step and flow" if self.followed else "the step"
 
     @property
     def headline(self) -> str:
@@ -386,11 +424,12 @@ class Path:
             end = f"no d0: it ends at a load factor of {self.load_factor[-1]:.4g}"
         if len(self) == 1:
             return end
+        followed = f"; {self.followed}" * bool(self.followed)
         if not self.slides:
-            return f"{end}: blocks rock, and no joint slides from step to step"
+            return f"{end}: blocks rock, and no joint slides from step to step{followed}"
         return (
             f"{end}, and {100.0 * self.slip_share:.0f} % of the displacement in joints is slip "
-            f"({which}): it depends on the step, and is no bound"
+            f"({which}): it depends on {self._by}, and is no bound{followed}"
         )
 
     @property
@@ -418,10 +457,10 @@ class Path:
 
     @property
     def d0_interval(self) -> tuple[float, float]:
-        """``d0`` with the step and with half of it, the smaller first: the same twice where
-        only one has a ``d0``, NaN where none has."""
-        both = self.d0, (self if self.halved is None else self.halved).d0
-        return float(np.fmin(*both)), float(np.fmax(*both))
+        """The least and the largest ``d0`` with the step, with half of it, and where blocks are
+        followed by the other flow rule; NaN where none has one."""
+        found = [self.d0, *(run.d0 for run in (self.halved, self.other_flow) if run is not None)]
+        return float(np.fmin.reduce(found)), float(np.fmax.reduce(found))
 
     @property
     def pieces(self) -> tuple[tuple[int, int], ...]:
@@ -483,6 +522,7 @@ class Path:
             limit = (
                 "an upper limit" if self.flow == "associated" else "one of several possible paths"
             )
+            limit = "an interval over step and flow" if self.followed else limit
             which = f"{limit}: joints slide on the way, so that the curve depends on the step"
         yield "in words", which
         first, last = (f"{self.load_factor[k]:.5g}" for k in (0, -1))
@@ -500,3 +540,20 @@ class Path:
     def to_dataframe(self) -> Any:
         """One row for each configuration, as a pandas DataFrame."""
         return attached("path_table")(self)
+
+
+def other_than(flow: Flow) -> Flow:
+    """Returns the other flow rule."""
+    return "zero-dilatancy" if flow == "associated" else "associated"
+
+
+def slides_at_first(initial: Solution | None, size: float) -> bool:
+    """Returns whether all that the mechanism at rest does is slide: it stays so, whatever steps
+    show of it; turns count by the typical contact ``size``."""
+    rates = (initial and initial.mechanism) or {}
+    dilatancy = None if initial is None else initial.dilatancy
+    if not rates or dilatancy is None or dilatancy.share <= LEVEL:
+        return False
+    each = np.array([*rates.values()])
+    shift, turn = (np.linalg.norm(each[:, k : k + 3], axis=1).max() for k in (0, 3))
+    return bool(turn * size <= VISIBLE * shift)

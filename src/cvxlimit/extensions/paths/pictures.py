@@ -54,6 +54,14 @@ def curve(path: Path, **options: Any) -> Any:
             curve = half_step.displacement[part], half_step.load_factor[part]
             chart.axes.plot(*curve, color=Style.amber, lw=0.9, label=label)
             label = "_"
+    if (other := path.other_flow) is not None:
+        label = f"{other.flow}, where blocks are followed"
+        chart.axes.plot(other.displacement, other.load_factor, color=Style.amber, ls="--", lw=0.9,
+                        label=label)  # fmt: skip
+    if followed := [i for i, each in enumerate(path) if each.is_followed]:
+        at = path.displacement[followed], path.load_factor[followed]
+        look = {"color": Style.blue, "mfc": "white", "ms": 4.5}
+        chart.axes.plot(*at, "o", **look, label="followed, not at rest")
     # Only the first bracket has an entry in the legend: matplotlib leaves out labels like "_".
     label = "bracket of a configuration"
     for x, each in zip(path.displacement, path, strict=True):
@@ -84,6 +92,7 @@ def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[st
         ax.plot(d, a, "o", color=colour, ms=6, label=f"{name}: d = {d:.3g} {unit}, {period}")
     ax.set(xlabel=f"spectral displacement ({unit})", ylabel=f"spectral acceleration ({unit}/s²)")
     end = "" if check.refused else f", d0 = {check.d0:.3g} {unit}"
+    end += ", an interval" * ("by step and flow" in check.ends)
     chart.write(f"{printable(check.scene_name)}: a0* = {check.a0_star:.3g} {unit}/s², "
                 f"e* = {check.e_star:.3g}{end or ': slides, no d0'}")  # fmt: skip
     chart.write_legend()
@@ -147,6 +156,7 @@ def _texts(path: Path) -> list[str]:
     unit = printable(path.scene.units.length)
     return [
         f"load factor {round(each.load_factor, DIGITS) + 0.0:.{DIGITS}f} at {x:.4g} {unit}"
+        + ", followed" * each.is_followed
         for x, each in zip(path.displacement, path, strict=True)
     ]
 
@@ -160,7 +170,9 @@ def _title(path: Path) -> str:
     end = f"{path.status} at {path.displacement[-1]:.4g}" if low == "nan" else end
     if path.slides_away:
         return f"{printable(path.scene.name)}: {start}, slides: no d0"
-    return f"{printable(path.scene.name)}: {start}, {end} {unit}"
+    return f"{printable(path.scene.name)}: {start}, {end} {unit}" + ", followed" * bool(
+        path.followed
+    )
 
 
 def _control(path: Path) -> str:

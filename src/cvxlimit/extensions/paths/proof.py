@@ -33,7 +33,7 @@ def bracket_of(
     """Bounds on the largest load factor that the closed points carry, and their widest gap; up to
     ``least`` a point counts as closed in any case."""
     size = scene.contacts.typical_size
-    closed = points.closed(flow, max(CLOSED * size, least))
+    closed = points.closed(flow, max(CLOSED * size, (1.0 + CLOSED) * least))
     widest = float((closed.distance if flow == "associated" else closed.gap).max(initial=0.0))
     whole = Increment(scene, closed, pose, loads)
     found = _run(whole)

@@ -25,11 +25,12 @@ import numpy as np
 
 from cvxlimit.base.arrays import BoolArray
 from cvxlimit.extensions.paths.files import PATH
-from cvxlimit.extensions.paths.following import FINEST, JUMP, MOST, REACH, At, Walk
+from cvxlimit.extensions.paths.following import FINEST, JUMP, LEFT, MOST, REACH, At, Walk
 from cvxlimit.extensions.paths.increment import Increment
 from cvxlimit.extensions.paths.path import CLOSED, SLIDING, Path, Points
 from cvxlimit.extensions.paths.points import Start
 from cvxlimit.extensions.paths.proof import bracket_of
+from cvxlimit.extensions.paths.proximal import LACKS
 from cvxlimit.extensions.paths.refusing import stands
 from cvxlimit.extensions.paths.starting import begun
 from cvxlimit.io.scenes import scene_digest
@@ -41,7 +42,7 @@ from cvxlimit.proving.solutions import solution_checks
 
 _LOOKED_AT = (
     "initial", "configurations", "status", "flow", "step", "snaps", "work", "slides", "control",
-    "halved", "until", "failures", "stretch",
+    "halved", "other_flow", "until", "failures", "stretch",
 )  # fmt: skip
 
 
@@ -66,6 +67,12 @@ def path_checks(path: Path) -> Iterator[Check]:
         yield follows("half the step", is_half, "" if is_half else f"it is {half.step:.6g}")
     elif path.slides:
         yield unseen("what half the step changes", "there is no run with it")
+    if (other := path.other_flow) is not None:
+        yield from _configuration_checks(other, " by the other flow")
+        is_met = other.flow != path.flow
+        yield follows("the other flow", is_met, "" if is_met else f"it is {other.flow}")
+    elif path.followed:
+        yield unseen("what the other flow changes", "there is no run with it")
     yield from unseen_fields(path, _LOOKED_AT)
     yield unseen("residual and iterates of configurations")
 
@@ -84,8 +91,14 @@ def _configuration_checks(path: Path, which: str) -> Iterator[Check]:
     with_bracket = sum(c.bracket is not None for i, c in enumerate(path) if i not in wrong)
     if good := len(path) - len(wrong):
         said = f"{good} configurations{which} in equilibrium, {with_bracket} of them with brackets"
+        followed = [c for i, c in enumerate(path) if i not in wrong and c.is_followed]
+        if followed:
+            lacks = max(c.residual for c in followed)
+            said += f"; {len(followed)} are followed and lack up to {lacks:.0e} of it"
         yield Check(said, True)
     yield from _course_checks(walk, path, which)
+    if path[0].loss > SLIDING:
+        yield unseen(f"loss at rest{which}", f"{path[0].loss:.1e}")
     if path.work is None:
         yield Check(f"area and potential{which}", False, "there are none")
     else:
@@ -140,6 +153,8 @@ def _jumps(walk: Walk, path: Path, which: str) -> Check:
     pace = moved / np.maximum(ways, 1e-300)
     usual = float(np.median(pace[~is_short])) if (~is_short).any() else np.inf
     told = np.isin(path.w[:-1], path.snaps)
+    # Explicit steps go as far as they may, however little w grows: what they jump is not looked at.
+    is_short &= ~np.array([c.is_followed for c in path])[1:]
     wrong = np.flatnonzero(
         (told & ~(is_short & (pace > usual))) | (~told & is_short & (pace > JUMP**2 * usual))
     )
@@ -158,7 +173,7 @@ def _ending(walk: Walk, path: Path, which: str) -> Check:
     if has_come or status in ("zero", "steps"):
         is_met = has_come if status == "zero" else not has_come and len(path) > MOST
         return follows(claim, is_met, told)
-    if status == "interrupted":
+    if status == "interrupted" or path.followed:
         return unseen(claim, told)
     walk.step, ends = path.step, list[str]()
     for share in (2.0, 1.0):  # the last step that was tried is one or the other, or between them
@@ -181,9 +196,10 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     if not abs(w - here.w) <= SLACK * size:
         yield "w", f"the displacements have {w:.9g}"
 
-    # No block is in another one.
+    # No block is in another one, but for what linearised steps leave.
     start = Start.at(walk.facets, pose, walk.found[i].loose)
-    if (depth := -start.points(pose).gap.min(initial=0.0)) > CLOSED * size:
+    most = LEFT if here.is_followed else CLOSED
+    if (depth := -start.points(pose).gap.min(initial=0.0)) > most * size:
         yield "displacements", f"blocks are {depth / size:.1e} of the contact size in each other"
 
     # Forces act at points where the displaced blocks touch. Slip counts from the configuration
@@ -194,7 +210,7 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     points = replace(start, bonds=walk.bonds_at(i)).points(pose)
     n, friction = here.forces[:, 0], np.linalg.norm(here.forces[:, 1:], axis=1)
     is_strange = ~_are_among(here.points, points, size, loads.size)
-    if (n[is_strange] > SLACK * n.max(initial=0.0)).any():
+    if (n[is_strange] > CLOSED * n.max(initial=0.0)).any():
         yield "points", "some that bear are none of the blocks as they are displaced"
 
     # Equilibrium of every free block. Forces (n, v1, v2) are compression and friction along t1 and
@@ -205,23 +221,27 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     residual = np.abs(statics.residual(forces, here.load_factor))
     residual[:, 3:] /= size  # moments
     dead_load = np.abs(statics.dead.reshape(-1, DOF)[:, :3]).sum() or loads.size
-    if not residual.max() <= RESIDUAL * dead_load:
+    lacks = here.residual * (1.0 + SLACK) if here.is_followed else 0.0
+    if not (lacks <= LACKS and residual.max() <= max(lacks, RESIDUAL) * dead_load):
         yield "equilibrium", f"forces miss it by {residual.max() / dead_load:.1e} of the dead load"
 
     # No tension, and friction within its cone.
-    most = here.points.friction * n + here.points.cohesion
-    excess = np.max([-n, friction - most, n - here.points.most], initial=0.0)
+    cone = here.points.friction * n + here.points.cohesion
+    excess = np.max([-n, friction - cone, n - here.points.most], initial=0.0)
     if not excess <= RESIDUAL * dead_load:
         yield "friction", f"forces exceed it by {excess / dead_load:.1e} of the dead load"
 
-    if (path.flow == "associated" or i == 0) and here.loss > SLIDING:
+    has_loss = path.flow != "associated" or here.is_followed
+    if not has_loss and here.loss > SLIDING:
         yield f"loss {here.loss:.1e}", "there is none"
 
     # Without dilatancy friction opposes the slip of the last step, but for the loss that is told: a
     # share of the live load's work on that step at the first load factor.
-    if path.flow != "associated" and i > 0:
+    if has_loss and i > 0:
         way = here.w - path[i - 1].w
-        loss = here.points.lost(here.forces) / (way * loads.size * abs(path[0].load_factor))
+        loss = here.points.lost(here.forces, path.flow) / (
+            way * loads.size * abs(path[0].load_factor)
+        )
         rounding = RESIDUAL * max(1.0, path.step / way)  # both ends of a jump are near each other
         if not loss <= max(here.loss, rounding) * (1.0 + SLACK):
             yield f"loss {here.loss:.1e}", f"friction lacks {loss:.1e} of the step's work"
@@ -231,8 +251,10 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
         if here.widest_gap:
             yield f"widest gap {here.widest_gap:.3g}", "there is no bracket that it is of"
         return
-    least_gap = 0.0 if walk.has_dilatancy else here.points.bearing_gap(here.forces)
-    again, widest = bracket_of(scene, points, pose, loads, walk.flow, least_gap)
+    bears = here.bearing_gap(walk.flow)
+    if here.is_followed and bears > LEFT * size:
+        yield "bracket", f"forces bear across a gap of {bears:.3g}, and there is none"
+    again, widest = bracket_of(scene, points, pose, loads, walk.flow, bears)
     if not abs(widest - here.widest_gap) <= CLOSED * size:
         yield f"widest gap {here.widest_gap:.3g}", f"it is {widest:.3g}"
     unit = max(abs(path[0].load_factor), abs(here.load_factor))

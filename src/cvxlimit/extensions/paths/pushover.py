@@ -12,7 +12,8 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, is_number, not_negative, positive
 from cvxlimit.errors import InputError, ModelError, NoAnswerError
 from cvxlimit.extensions.paths.following import REACH, Walk
-from cvxlimit.extensions.paths.path import Flow, Path
+from cvxlimit.extensions.paths.path import Ending, Flow, Path, other_than, slides_at_first
+from cvxlimit.extensions.paths.proximal import go_on
 from cvxlimit.extensions.paths.refusing import no_path, refuse, stands
 from cvxlimit.extensions.paths.starting import begun, with_resultants
 from cvxlimit.methods.solving import solve
@@ -59,7 +60,8 @@ def pushover(
     cohesion for good once it has opened or slid (``path.failures``). Friction is taken at
     points, so that the first load factor differs from that of :func:`cvxlimit.solve`, which is
     ``path.initial``. A bracket proves what its configuration carries, not that the structure
-    gets there.
+    gets there. Where iterates do not come to rest explicit steps go on: such a path is followed by
+    the other flow rule as well (``path.other_flow``), and ``path.d0_interval`` is over both.
 
     Parameters
     ----------
@@ -157,11 +159,12 @@ def pushover(
         raise ModelError(f"until must be a load factor, got {until!r}")
     is_own, kind = step is None, flow or (before.flow if before else "associated")
     about = None if control is None else checked_control(scene, control)
-    begin = half = None
+    begin = half = other = None
     if before is not None:
         step, about = step or before.step, about or before.control
         begin = replace(before, control=about)
         half = before.halved and replace(before.halved, control=about)
+        other = before.other_flow and replace(before.other_flow, control=about)
     initial = None if before is None else before.initial
     if before is None and why_not is None:
         initial = solve(scene)
@@ -169,21 +172,53 @@ def pushover(
         if why_not is not None and stands(initial):
             raise why_not
         initial = None if why_not is not None else initial
+    turn = bool(scene.dead.pressures or scene.live.pressures)
     tell = progress or (lambda line: None)
 
     def follow(
-        step: float | None, begin: Path | None, said: str = "", marks: FloatArray | None = None
-    ) -> Path:
+        step: float | None, begin: Path | None, said: str = "", marks: FloatArray | None = None,
+        rule: Flow = kind,
+    ) -> Path:  # fmt: skip
         walk = Walk(
             scene, certify, reach or REACH * scene.contacts.typical_size,
-            lambda line: tell(f"{said}{line}"), kind, stretch,
+            lambda line: tell(f"{said}{line}"), rule, stretch,
         )  # fmt: skip
         if begin is not None:
             walk.resume(begin)
             if begin[-1].load_factor - until <= walk.enough(walk.found[-1]):
                 return begin
+        longest = begin.step if begin is not None and len(begin) > 1 else 0.0
+
+        def made(status: Ending, reason: str) -> Path:
+            slides, failures = any(x.slides for x in walk.found), walk.failures()
+            notes = [DISPLACED] * (initial is None) + [TURN] * turn + [KEEP] * keeps
+            notes += [SLIDES[rule]] * slides
+            if failures:
+                torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])
+                more = f" and {len(failures) - 3} more" if failures[3:] else ""
+                notes.append(f"gone from there on: {torn}{more}")
+            return Path(
+                initial, tuple(x.shown for x in walk.found), status, reason, rule,
+                max(walk.step, longest), tuple(walk.snaps), walk.work(), slides, about,
+                tuple(notes), until=float(until), failures=failures, stretch=stretch,
+            )  # fmt: skip
+
         try:
             ending = walk.walk(step, float(until), marks)
+            # Where iterates do not settle explicit steps go on, until they do again. What slides
+            # from the start goes nowhere but to the end of its support. Such steps know friction
+            # alone, and loads that keep their direction.
+            unsettled, is_at_end = {"not-converged"}, slides_at_first(initial, walk.size)
+            is_at_end |= initial is None or turn or walk.begin.bonds is not None
+            while ending[0] in unsettled and walk.found and not is_at_end:
+                longest, unsettled = max(longest, walk.step), {"not-converged", "falls"}
+                end = go_on(walk, float(until), lambda: made("slides", "").slides_away)
+                is_at_end = end is not None
+                if end is None:
+                    ending = walk.walk(step, float(until), marks)
+                    walk.step = max(walk.step, longest)
+                elif any(x.shown.is_followed for x in walk.found):
+                    ending = end
         except KeyboardInterrupt:
             if not walk.found:
                 raise
@@ -193,30 +228,19 @@ def pushover(
             raise why_not  # no push holds it either
         if certify == "last":
             walk.found[-1] = walk.proved(walk.found[-1])
-        slides = any(x.slides for x in walk.found)
-        turn = bool(scene.dead.pressures or scene.live.pressures)
-        notes = [DISPLACED] * (initial is None) + [TURN] * turn + [KEEP] * keeps
-        notes += [SLIDES[kind]] * slides
-        failures = walk.failures()
-        if failures:
-            torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])
-            more = f" and {len(failures) - 3} more" if failures[3:] else ""
-            notes.append(f"gone from there on: {torn}{more}")
-        longest = begin.step if begin is not None and len(begin) > 1 else 0.0
-        return Path(
-            initial, tuple(x.shown for x in walk.found), *ending, kind, max(walk.step, longest),
-            tuple(walk.snaps), walk.work(), slides, about, tuple(notes), until=float(until),
-            failures=failures, stretch=stretch,
-        )  # fmt: skip
+        return made(*ending)
 
-    path = replace(follow(step, begin), halved=None)
+    path = replace(follow(step, begin), halved=None, other_flow=None)
     if path.slides_away:  # smaller steps lead to the same end of a support
-        is_there = path.status in ("zero", "falls", "blocked", "not-converged")
+        is_there = path.status in ("zero", "falls", "blocked", "slides", "not-converged")
         return replace(path, reason=path.headline if is_there else path.reason)
+    if path.followed and path.status != "interrupted":
+        rule = other_than(kind)
+        path = replace(path, other_flow=follow(step, other, f"{rule}: ", rule=rule))
     if not (path.slides and is_own):
         return path
     # Every step of the path in two, where the package has chosen them, until that changes little.
-    notes = list(path.notes)
+    notes, other = list(path.notes), path.other_flow
     for _ in range(halvings):
         if path.status == "interrupted":
             break
@@ -227,7 +251,7 @@ def pushover(
         half = follow(0.5 * path.step, half or first, "with half the step: ", marks)
         change, said = _change(path, half)
         notes.append(said)
-        path = replace(path, halved=half, notes=tuple(notes))
+        path = replace(path, halved=half, other_flow=other, notes=tuple(notes))
         if change <= within or half.status == "interrupted":
             break
         half = None
@@ -246,5 +270,5 @@ def _change(path: Path, half: Path) -> tuple[float, str]:
     moved = abs(high - low) / abs(low) if np.isfinite(low) or np.isfinite(high) else 0.0
     return float(np.nan_to_num(max(abs(most), moved), nan=np.inf)), (
         f"with half the step it ends at {other} instead of {one}, and load factors at the same w "
-        f"change by up to {most:+.2%} of the first"
+        f"change by up to {most:+.2%} of the first" + f"; {half.followed}" * bool(half.followed)
     )

@@ -32,7 +32,14 @@ def path_table(path: Path) -> DataFrame:
         "upper": ([b.upper for b in brackets], "", "kinematic bound of the configuration"),
         "proved": ([b.is_proved for b in brackets], "", "whether both bounds are proved"),
         "widest_gap": ([c.widest_gap for c in path], path.scene.units.length, "of closed points"),
-        "residual": ([c.residual for c in path], "", "last movement over the contact size"),
+        "residual": (
+            [c.residual for c in path], "",
+            "last movement over the contact size; followed: lack of equilibrium over the dead load",
+        ),
+        "loss": ([c.loss for c in path], "", "of friction, over the step's work"),
+        "followed": (
+            [c.is_followed for c in path], "", "by an explicit step: no iterates came to rest"
+        ),
         "iterates": ([c.iterates for c in path], "", "convex problems solved"),
     }  # fmt: skip
     facts = {

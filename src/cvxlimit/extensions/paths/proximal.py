@@ -1,0 +1,212 @@
+"""Explicit steps of a path: one convex problem that always has an answer, one step after the other.
+
+From a pose with gaps g, without memory of slips, blocks go by the d that brings the live load Delta
+farther for the least of the dead load's rise and of what moving costs,
+
+    priced    min  rho/2 d'Md - f_dead . d
+              s.t. g_i + mu_i s_i + (A'd)_n,i >= mu_i |(A'd)_t,i|,   f_live . d = Delta
+    held      min  rho/2 d'Md - f_dead . d + sum mu_i n_i |(A'd)_t,i|
+              s.t. g_i + (A'd)_n,i >= 0,                             f_live . d = Delta
+
+Multipliers of the priced problem are compressions n, friction and the load factor. Friction is
+within its cone exactly, and equilibrium lacks rho M d, which is known: the residual. With s = 0
+joints open by friction times slip; without dilatancy s are the slips of the held problem, and n
+those of the priced one.
+
+With rho > 0 the displacement is the only one, however many mechanisms compete, and nothing has to
+come to rest: a path goes on here where iterates do not settle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.extensions.paths.following import FARTHEST, FINEST, JUMP, MOST, REACH, At, Walk
+from cvxlimit.extensions.paths.increment import Ahead, Increment
+from cvxlimit.extensions.paths.pairs import Pose
+from cvxlimit.extensions.paths.path import Ending, Points
+from cvxlimit.model.statics import DOF
+from cvxlimit.solvers import settings_for
+from cvxlimit.solvers.program import ConeProgram
+
+RHO = 1e-3
+"""What moving costs: this share of the weight for each contact size, in every block's own share. It
+is the residual of a step, over how far the step goes."""
+
+LACKS = RHO * FARTHEST
+"""Residual up to which a pose is near equilibrium: that of one block which goes so far."""
+
+_CLOSING = 0.2
+"""Share of an overlap, which linearisation leaves, that closes in the next step."""
+
+_PAIRS = 2
+"""Pairs of the two problems without dilatancy; one leaves d0 of a dome a third too low."""
+
+_SETTINGS = settings_for("CLARABEL", 1e-9)
+
+
+class Proximal:
+    """The problems of one pose, scaled by the weight and the contact size; ``radius`` (free
+    blocks,) is how far corners are from centroids."""
+
+    def __init__(self, given: Increment, radius: FloatArray) -> None:
+        self.points, self.statics = given.points, given.assemblage.statics
+        self.scaling = given.assemblage.scaling
+        scaled = self.scaling.apply(self.statics)
+        size, k = self.scaling.length, len(self.points)
+        self.dead, self.live = scaled.dead, sp.csr_array(scaled.live[None])
+        rates = scaled.matrix.T.tocsr()
+        self.normal, *self.along = (rates[DOF * np.arange(k) + column] for column in (2, 0, 1))
+        weight = np.linalg.norm(scaled.dead.reshape(-1, DOF)[:, :3], axis=1)
+        arms = np.concatenate([np.ones((len(radius), 3)), np.tile(radius[:, None], 3) / size], 1)
+        self.mass = RHO * (weight[:, None] * arms**2).ravel()
+        self.gap = self.points.gap / size
+        self.gap = np.where(self.gap < 0.0, _CLOSING * self.gap, self.gap)
+
+    def solve(self, push: float, slides: FloatArray | None) -> Ahead | None:
+        """Returns the step by ``push``, a work of the live load; None where no solver has one.
+        Without dilatancy joints slide by ``slides`` (k,) at first."""
+        if slides is None:
+            return self._priced(push, np.zeros(len(self.points)))
+        found = None
+        for _ in range(_PAIRS):
+            found = self._priced(push, slides)
+            d = None if found is None else self._held(push, found.forces[:, 0])
+            if found is None or d is None:
+                return None
+            found, slides = replace(found, d=d), self.slides(d)
+        return found
+
+    def slides(self, d: FloatArray) -> FloatArray:
+        """Returns how far points slide (k,) where blocks go by ``d``."""
+        slip = self.statics.relative_rates(d)[:, :2]
+        return np.asarray(np.linalg.norm(slip, axis=1))
+
+    def _priced(self, push: float, slides: FloatArray) -> Ahead | None:
+        k, mu = len(self.points), self.points.friction
+        far = self.gap + mu * slides / self.scaling.length
+        tangents = [sp.csr_array(sp.diags_array(-mu) @ along) for along in self.along]
+        rows = [self.live, *_cones(sp.csr_array(-self.normal), *tangents)]
+        right = np.concatenate([[self._way(push)], _interleaved(far, 0.0 * far, 0.0 * far)])
+        answer = self._solved(rows, right, -self.dead, 0, k)
+        if answer is None:
+            return None
+        d, duals = answer
+        each = duals[1:].reshape(k, 3) * np.stack([np.ones(k), mu, mu], axis=1)
+        forces, factor = each * self.scaling.force, self.scaling.load_factor(-duals[0])
+        contact = np.zeros((k, DOF))
+        contact[:, [2, 0, 1]] = forces
+        left = self.statics.residual(contact, factor) / self.scaling.force
+        left[:, 3:] /= self.scaling.length
+        return Ahead(factor, forces, self._displacement(d), float(np.abs(left).max()))
+
+    def _held(self, push: float, n: FloatArray) -> FloatArray | None:
+        """Returns displacements with friction held at compressions ``n`` (k,)."""
+        k, m = len(self.points), len(self.dead)
+        none, unit = sp.csr_array((k, k)), sp.csr_array(sp.eye_array(k))
+        slips = [sp.hstack([-along, none]) for along in self.along]
+        rows = [
+            sp.hstack([self.live, sp.csr_array((1, k))]), sp.hstack([-self.normal, none]),
+            *_cones(sp.hstack([sp.csr_array((k, m)), -unit]), *slips),
+        ]  # fmt: skip
+        right = np.concatenate([[self._way(push)], self.gap, np.zeros(3 * k)])
+        held = self.points.friction * np.maximum(n, 0.0) / self.scaling.force
+        answer = self._solved(rows, right, np.concatenate([-self.dead, held]), k, k)
+        return None if answer is None else self._displacement(answer[0][:m])
+
+    def _solved(
+        self, rows: list[sp.csr_array], right: FloatArray, cost: FloatArray, nonneg: int, cones: int
+    ) -> tuple[FloatArray, FloatArray] | None:
+        matrix = sp.csc_array(sp.vstack(rows))
+        costs = np.append(self.mass, np.zeros(len(cost) - len(self.mass)))
+        program = ConeProgram(
+            cost, matrix, right, 1, nonneg, (3,) * cones, quadratic=sp.csc_array(sp.diags(costs))
+        )
+        _, x, duals = program.solve(_SETTINGS, all_duals=True)
+        return None if x is None or duals is None else (x, duals)
+
+    def _way(self, push: float) -> float:
+        """Returns the live load's way in units of the scaling."""
+        return push / (self.scaling.live * self.scaling.length)
+
+    def _displacement(self, d: FloatArray) -> FloatArray:
+        each = d.reshape(-1, DOF) * self.scaling.length
+        each[:, 3:] /= self.scaling.length
+        return each
+
+
+def _cones(*parts: sp.csr_array) -> list[sp.csr_array]:
+    """Returns rows (3 k, n) of k cones of three entries, of which each part (k, n) is one."""
+    k = parts[0].shape[0]
+    return [sp.csr_array(sp.vstack(parts))[np.arange(3 * k).reshape(3, k).T.ravel()]]
+
+
+def _interleaved(*parts: FloatArray) -> FloatArray:
+    return np.stack(parts, axis=1).ravel()
+
+
+def go_on(walk: Walk, until: float, slides_away: Callable[[], bool]) -> tuple[Ending, str] | None:
+    """Goes on by explicit steps from the end of a path until it ends otherwise, and returns how and
+    why; None where rest is found again, which is sought after one, two, four steps, and so on. At
+    the same steps it is asked whether the path ``slides_away``, from the contact size on."""
+    size, steps, here = walk.size, 0, walk.found[-1]
+    first = here.shown.w
+    before = walk.found[-2] if walk.found[1:] else here
+    way = here.shown.w - before.shown.w or walk.step
+    pose, begin = here.pose, walk.start(here)
+    ahead = _ahead(walk, begin.points(pose), pose, way, before.pose)
+    while len(walk.found) <= MOST:
+        # Towards the next configuration near equilibrium: what falls gets near none.
+        for _ in range(round(REACH / FARTHEST)):
+            if ahead is None:
+                return "not-converged", "no explicit step has an answer"
+            moved = walk.moved(ahead.d)
+            share = min(1.0, FARTHEST * size / float(moved.max()))
+            pose = pose.moved(walk.scene.free, share * ahead.d)
+            w, points = walk.loads.work(pose)[1] / walk.loads.size, begin.points(pose)
+            way = max(1.5 * (w - here.shown.w), FINEST * walk.step)
+            way = min(way, (1.0 - FARTHEST) * walk.step)  # which turns lengthen
+            ahead = _ahead(walk, points, pose, way, here.pose)
+            if w > here.shown.w and ahead and ahead.residual <= LACKS:
+                break
+        else:
+            return "falls", walk.why("falls", moved)
+        there = walk.followed(pose, points, ahead, w, here.shown.w)
+        walk.keep(there)
+        if there.shown.load_factor <= until:
+            return "zero", f"the load factor comes down to {until:g} where blocks are followed"
+        steps += 1
+        if not steps & (steps - 1):
+            if w - first > size and slides_away():
+                return "slides", "joints slide at a level load factor"
+            rest = walk.settle(there, 2.0 * w - here.shown.w)
+            if isinstance(rest, At) and _goes_on(walk, here, there, rest):
+                walk.keep(rest)
+                return None
+        here, begin = there, walk.start(there)
+    return "steps", f"{MOST} configurations did not bring the load factor down to {until:g}"
+
+
+def _goes_on(walk: Walk, here: At, there: At, rest: At) -> bool:
+    """Returns whether rest is on the curve that was followed: blocks and load factor go on as they
+    went, neither back nor much farther."""
+    fall = here.shown.load_factor - there.shown.load_factor
+    more = there.shown.load_factor - rest.shown.load_factor
+    is_near = walk.distance(there, rest) <= JUMP * walk.distance(here, there)
+    return is_near and 0.0 <= more <= JUMP * fall
+
+
+def _ahead(walk: Walk, points: Points, pose: Pose, way: float, before: Pose) -> Ahead | None:
+    """Returns the explicit step from a pose by ``way`` of w. Without dilatancy joints first slide
+    as they did since ``before``, or all as far as the live load goes."""
+    step, slides = Proximal(Increment(walk.scene, points, pose, walk.loads), walk.radius), None
+    if not walk.has_dilatancy:
+        is_first = pose is before
+        d = pose.since(before, walk.scene.free)
+        slides = np.full(len(points), way) if is_first else step.slides(d)
+    return step.solve(way * walk.loads.size, slides)
