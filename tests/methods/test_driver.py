@@ -10,7 +10,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from cvxlimit import Certified, Contacts, Load, Status, builtin_scene, solve
+from cvxlimit import Contacts, Load, Status, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Clock, Method, Run, Steps, drive
@@ -149,26 +149,6 @@ class TestInterruption:
         with pytest.raises(KeyboardInterrupt):
             solve(single_block(), method=rule)
 
-    @pytest.mark.exhaustive
-    def test_the_certified_method_keeps_what_it_proved(self) -> None:
-        """Interrupted in the safe steps, it has the upper bound and the lower one of then."""
-        told: list[str] = []
-
-        def press(message: str) -> None:
-            told.append(message)
-            if "penalty step" in message:
-                raise KeyboardInterrupt
-
-        scene = builtin_scene("tuff-wall")
-        run = solve(scene, method=Certified(starts=("middle",)), progress=press)
-        assert run.status is Status.INTERRUPTED
-        assert run.bracket.has_both
-        assert 0.0 < run.lower <= 0.26918
-        assert 0.26104 <= run.upper < 0.2692
-        assert "upper bound proved" in run.note
-        assert run.forces is not None
-        assert run.mechanism is not None
-
 
 # Books.
 
@@ -215,7 +195,7 @@ def test_the_ladder_is_climbed_until_there_are_forces() -> None:
 def test_what_an_own_loop_may_not_combine() -> None:
     scene = single_block()
     with pytest.raises(ModelError, match="own formulation"):
-        solve(scene, method="certified", formulation=lambda contacts: None)  # type: ignore
+        solve(scene, method="fixed-point", formulation=lambda contacts: None)  # type: ignore
     with pytest.raises(ModelError, match="has no cohesion"):
         solve(scene.with_cohesion(1.0), method="fixed-point")
 

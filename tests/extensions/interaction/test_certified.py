@@ -465,3 +465,24 @@ def test_refusals() -> None:
         Certified(starts=("somewhere",))
     with pytest.raises(ModelError, match="goes with surface conic, got a list"):
         solve(scene, [], method="certified")
+
+
+@pytest.mark.exhaustive
+def test_interrupted_it_keeps_what_it_proved() -> None:
+    """Interrupted in the safe steps, it has the upper bound and the lower one of then."""
+    told: list[str] = []
+
+    def press(message: str) -> None:
+        told.append(message)
+        if "penalty step" in message:
+            raise KeyboardInterrupt
+
+    scene = builtin_scene("tuff-wall")
+    run = solve(scene, method=Certified(starts=("middle",)), progress=press)
+    assert run.status is Status.INTERRUPTED
+    assert run.bracket.has_both
+    assert 0.0 < run.lower <= 0.26918
+    assert 0.26104 <= run.upper < 0.2692
+    assert "upper bound proved" in run.note
+    assert run.forces is not None
+    assert run.mechanism is not None
