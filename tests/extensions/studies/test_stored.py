@@ -379,7 +379,7 @@ def test_two_processes_start_a_folder_at_once(tmp_path: Path) -> None:
 
 SWEPT = """\
 import sys, time
-from tests.studies.test_stored import quiet, stone
+from tests.extensions.studies.test_stored import quiet, stone
 def slowly(friction):
     time.sleep(0.02)
     return stone(friction)

@@ -93,7 +93,8 @@ class Search:
         self.started, self.written = time.perf_counter() - domain.seconds, -np.inf
         self.asked = [s.direction / domain.units for s in domain.supports]
         self.raw = list(self._kept())
-        method = TABLE[study.method or "convex"]
+        check_choice("method", name := study.method or "convex", METHODS)
+        method = TABLE[name]
         reading = {k: v for k, v in study.options.items() if k == "moments" and v is not None}
         flow = method(**reading).flow(self.structure.run.contacts)
         if flow is not None:
