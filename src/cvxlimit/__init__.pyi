@@ -27,7 +27,7 @@ from .extensions.dynamics.shaking import shake as shake
 from .extensions.interaction.certified import Certified as Certified
 from .extensions.paths.code_check import CodeCheck as CodeCheck
 from .extensions.paths.code_check import code_check as code_check
-from .extensions.paths.path import Configuration as Configuration
+from .extensions.paths.configuration import Configuration as Configuration
 from .extensions.paths.path import Path as Path
 from .extensions.paths.pushover import pushover as pushover
 from .extensions.studies.envelopes import Vehicle as Vehicle

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cvxlimit.extensions.paths.path import Configuration
+from cvxlimit.extensions.paths.configuration import Configuration
 
 
 def assert_balanced_within_friction(shown: Configuration) -> None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from cvxlimit import Block, Configuration, Load, Path, Scene, solve
-from cvxlimit.extensions.paths.path import Points
+from cvxlimit.extensions.paths.configuration import Points
 
 B, H = 0.4, 2.0
 NONE = Points(*(np.zeros(shape, int) for shape in (0, 0)), *(np.zeros(shape) for shape in

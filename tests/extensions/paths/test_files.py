@@ -14,8 +14,9 @@ from jsonschema import Draft202012Validator
 
 from cvxlimit import Path as Displacements
 from cvxlimit.errors import InputError
+from cvxlimit.extensions.paths.configuration import Points
 from cvxlimit.extensions.paths.files import PATH
-from cvxlimit.extensions.paths.path import Points, Work
+from cvxlimit.extensions.paths.path import Work
 from cvxlimit.io import json_schema, read_path, write_path
 from cvxlimit.solution.bracket import Bracket
 from turning import turning, wall

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import Block, Load, Path, Scene, Units, builtin_scene, prove, pushover
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.paths import proof
+from cvxlimit.extensions.paths.configuration import Configuration
 from cvxlimit.extensions.paths.increment import Found, Increment, Loads
-from cvxlimit.extensions.paths.path import Configuration
 from cvxlimit.extensions.paths.points import Start
 from cvxlimit.masonry import arch, single_block, stack
 from cvxlimit.model.program import LimitProgram

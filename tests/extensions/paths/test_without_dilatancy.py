@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cvxlimit import Block, Load, Path, Scene, pushover
-from cvxlimit.extensions.paths.path import Configuration
+from cvxlimit.extensions.paths.configuration import Configuration
 from displaced import assert_balanced_within_friction
 
 TURNED = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()

@@ -1,10 +1,11 @@
 """After the collapse load factor: the path of a structure in finite displacements, its code check.
 
 Its doors are ``cvxlimit.commands`` (``pushover``), ``cvxlimit.readings``, ``cvxlimit.documents``,
-``cvxlimit.files`` and ``cvxlimit.proofs``. To read: ``path.py``, the result, and ``moving.py``, its
-scenes; ``pairs.py``, ``points.py`` and ``bonds.py``, contacts of displaced blocks, cohesion and
-ties; ``starting.py``, where a path begins, and ``refusing.py``; ``increment.py``, one convex step;
-``following.py``, steps and snaps; ``pushover.py``, the call; ``proof.py`` and ``proving.py``;
+``cvxlimit.files`` and ``cvxlimit.proofs``. To read: ``configuration.py`` and ``path.py``, the
+result, and ``moving.py``, its scenes; ``pairs.py``, ``points.py`` and ``bonds.py``, contacts of
+displaced blocks, cohesion and ties; ``starting.py``, where a path begins, and ``refusing.py``;
+``increment.py``, one convex step; ``following.py``, steps and snaps; ``proximal.py``, explicit
+steps where nothing comes to rest; ``pushover.py``, the call; ``proof.py`` and ``proving.py``;
 ``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
 """
 

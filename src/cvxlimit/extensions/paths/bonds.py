@@ -19,8 +19,8 @@ from functools import cached_property
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.extensions.paths.configuration import CLOSED, Points
 from cvxlimit.extensions.paths.pairs import Pose
-from cvxlimit.extensions.paths.path import CLOSED, Points
 from cvxlimit.scene import Scene
 
 

@@ -17,8 +17,9 @@ from cvxlimit.base.checks import first_twice, of_type, positive
 from cvxlimit.base.doors import attached
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
+from cvxlimit.extensions.paths.configuration import Configuration
 from cvxlimit.extensions.paths.following import configuration_at
-from cvxlimit.extensions.paths.path import Configuration, Path
+from cvxlimit.extensions.paths.path import Path
 from cvxlimit.geometry.mesh import second_moments
 from cvxlimit.scene import METRES, Scene, Units
 from cvxlimit.solution.kinematics import VISIBLE, corner_speeds

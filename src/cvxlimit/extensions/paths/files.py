@@ -9,7 +9,8 @@ import numpy as np
 
 from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.paths.path import Configuration, Ending, Flow, Points, Work, other_than
+from cvxlimit.extensions.paths.configuration import Configuration, Flow, Points
+from cvxlimit.extensions.paths.path import Ending, Work, other_than
 from cvxlimit.extensions.paths.path import Path as Displacements
 from cvxlimit.extensions.paths.starting import begun
 from cvxlimit.io.fields import (

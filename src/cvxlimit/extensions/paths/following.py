@@ -18,19 +18,10 @@ from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.paths.bonds import Bonds
+from cvxlimit.extensions.paths.configuration import CLOSED, Configuration, Flow, Points
 from cvxlimit.extensions.paths.increment import Ahead, Found, Increment, Loads, Near
 from cvxlimit.extensions.paths.pairs import Pose
-from cvxlimit.extensions.paths.path import (
-    CLOSED,
-    SLIDING,
-    ZERO,
-    Configuration,
-    Ending,
-    Flow,
-    Path,
-    Points,
-    Work,
-)  # fmt: skip
+from cvxlimit.extensions.paths.path import SLIDING, ZERO, Ending, Path, Work
 from cvxlimit.extensions.paths.points import SETTLED, Start
 from cvxlimit.extensions.paths.proof import bracket_of
 from cvxlimit.scene import Scene

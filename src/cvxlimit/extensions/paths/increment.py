@@ -39,8 +39,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.extensions.paths.configuration import Points
 from cvxlimit.extensions.paths.pairs import Pose
-from cvxlimit.extensions.paths.path import Points
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.formulations import ForceModel, Part, times

@@ -20,8 +20,8 @@ import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.extensions.paths.bonds import Bonds, tangents
+from cvxlimit.extensions.paths.configuration import CLOSED, Points
 from cvxlimit.extensions.paths.pairs import Facets, Pairs, Pose
-from cvxlimit.extensions.paths.path import CLOSED, Points
 from cvxlimit.scene import Scene
 
 NEAR = 1e-9

@@ -24,10 +24,11 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray
+from cvxlimit.extensions.paths.configuration import CLOSED, Points
 from cvxlimit.extensions.paths.files import PATH
 from cvxlimit.extensions.paths.following import FINEST, JUMP, LEFT, MOST, REACH, At, Walk
 from cvxlimit.extensions.paths.increment import Increment
-from cvxlimit.extensions.paths.path import CLOSED, SLIDING, Path, Points
+from cvxlimit.extensions.paths.path import SLIDING, Path
 from cvxlimit.extensions.paths.points import Start
 from cvxlimit.extensions.paths.proof import bracket_of
 from cvxlimit.extensions.paths.proximal import LACKS

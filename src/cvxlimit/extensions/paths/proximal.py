@@ -26,10 +26,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.extensions.paths.configuration import Points
 from cvxlimit.extensions.paths.following import FARTHEST, FINEST, JUMP, MOST, REACH, At, Walk
 from cvxlimit.extensions.paths.increment import Ahead, Increment
 from cvxlimit.extensions.paths.pairs import Pose
-from cvxlimit.extensions.paths.path import Ending, Points
+from cvxlimit.extensions.paths.path import Ending
 from cvxlimit.model.statics import DOF
 from cvxlimit.solvers import settings_for
 from cvxlimit.solvers.program import ConeProgram

@@ -11,8 +11,9 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, is_number, not_negative, positive
 from cvxlimit.errors import InputError, ModelError, NoAnswerError
+from cvxlimit.extensions.paths.configuration import Flow
 from cvxlimit.extensions.paths.following import REACH, Walk
-from cvxlimit.extensions.paths.path import Ending, Flow, Path, other_than, slides_at_first
+from cvxlimit.extensions.paths.path import Ending, Path, other_than, slides_at_first
 from cvxlimit.extensions.paths.proximal import go_on
 from cvxlimit.extensions.paths.refusing import no_path, refuse, stands
 from cvxlimit.extensions.paths.starting import begun, with_resultants
