@@ -21,7 +21,7 @@ from cvxlimit.extensions.paths.bonds import Bonds
 from cvxlimit.extensions.paths.configuration import CLOSED, Configuration, Flow, Points
 from cvxlimit.extensions.paths.increment import Ahead, Found, Increment, Loads, Near
 from cvxlimit.extensions.paths.pairs import Pose
-from cvxlimit.extensions.paths.path import SLIDING, ZERO, Ending, Path, Work
+from cvxlimit.extensions.paths.path import LEVEL_FOR, SLIDING, ZERO, Ending, Path, Work
 from cvxlimit.extensions.paths.points import SETTLED, Start
 from cvxlimit.extensions.paths.proof import bracket_of
 from cvxlimit.scene import Scene
@@ -193,7 +193,7 @@ class Walk:
             step = min(share if iterate > 4 else 1.0, most)
             pose = pose.moved(self.scene.free, step * answer.d)
             last = (answer, step, number) if size < _FAR else None
-        return Failed(w, "not-converged" if size < 0.1 else "falls", moved)
+        return Failed(w, "not-converged", moved)
 
     def _without_dilatancy(self, start: At, w: float) -> At | Failed:
         """Returns the equilibrium at ``w`` without dilatancy. Every iterate solves two problems on
@@ -229,7 +229,7 @@ class Walk:
                 if is_still or (best is not None and best.shown.loss <= SLIDING):
                     break
             pose = pose.moved(self.scene.free, min(1.0, most) * answer.d)
-        return best or Failed(w, "not-converged" if size < 0.1 else "falls", moved)
+        return best or Failed(w, "not-converged", moved)
 
     def _shown(
         self, pose: Pose, points: Points, answer: Found | Ahead, w: float, residual: float,
@@ -306,17 +306,20 @@ class Walk:
         return float((shift + turn * self.radius).max())
 
     def walk(
-        self, step: float | None, until: float, marks: FloatArray | None = None
-    ) -> tuple[Ending, str]:
-        """Go on until the load factor is ``until`` or the path ends otherwise, and return how and
-        why. Steps lead from one of the ``marks`` (w) to the next, and are ``step`` beyond them."""
+        self, step: float | None, until: float, is_level: Callable[[], bool],
+        marks: FloatArray | None = None,
+    ) -> tuple[Ending, str]:  # fmt: skip
+        """Go on until the load factor is ``until``, the path ``is_level`` or ends otherwise, and
+        return how and why. Steps lead from one of the ``marks`` (w) to the next, and are ``step``
+        beyond them."""
         if not self.found:
             first = self.first()
             if isinstance(first, Failed):
                 return "not-converged", "the first configuration has no solution"
             self.keep(first)
         if self.found[-1].shown.load_factor <= until:
-            return "zero", f"the load factor is no more than {until:g} from the start"
+            since = "from the start" if len(self.found) == 1 else "where blocks are followed"
+            return "zero", f"the load factor is no more than {until:g} {since}"
         h = self.step = step or self.size / 40.0
         h = h if marks is None else self._to_next(marks)
         before = self.found[-2:-1]
@@ -358,6 +361,8 @@ class Walk:
                 between = "iterates between do not settle"
                 return "zero", f"the load factor falls from {' to '.join(parts)}: {between}"
             self.keep(there)
+            if is_level():
+                return "slides", LEVEL_FOR
             h = 2.0 * h if step is None else min(step, 2.0 * h)
             if marks is not None:
                 h = self._to_next(marks)

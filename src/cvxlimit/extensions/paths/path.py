@@ -35,6 +35,9 @@ away where that lasts for a tenth of the way while joints slide by more than the
 rocks falls at half to twice that pace; what slides is level until a support ends."""
 
 
+LEVEL_FOR = "joints slide at a level load factor for as far as contacts reach"
+
+
 class Work(NamedTuple):
     """The area under the curve, load factor times the live load's work, and the energy that the
     dead load has taken up on the way, which it equals while joints rock without sliding."""
@@ -66,7 +69,8 @@ class Path:
     status : str
         ``"zero"`` where the load factor asked for (0) is reached; ``"falls"`` where no equilibrium
         follows; ``"blocked"`` where nothing can move on; ``"steps"`` where the number of steps ran
-        out; ``"slides"`` where explicit steps are level for the contact size; ``"not-converged"``;
+        out; ``"slides"`` where joints slide at a level load factor for the contact size, or for a
+        tenth of the way until the number of steps ran out; ``"not-converged"``;
         ``"interrupted"``.
     reason : str
         The same in a sentence, with the names of blocks.
@@ -192,17 +196,22 @@ class Path:
         """True if the load factor stays level because joints slide: such a path has no d0, since it
         ends where supports were drawn to end."""
         w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
-        if (
-            slides_at_first(self.initial, self.scene.contacts.typical_size)
-            and alpha.max() <= (1.0 + LEVEL) * alpha[0]
-        ):
-            return True
-        if not self.slides or not self._last:
+        is_so = slides_at_first(self.initial, self.scene.contacts.typical_size)
+        is_so &= bool(alpha.max() <= (1.0 + LEVEL) * alpha[0])
+        return is_so or self.level_for(LEVEL * w[-1])
+
+    def level_for(self, way: float) -> bool:
+        """Whether the load factor is level for more than ``way`` of w while joints slide by more
+        than they turn."""
+        w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
+        if not self.slides or w[-1] <= way:
+            return False
+        least = max(LEVEL * (alpha[0] - alpha[-1]), SLIDING * abs(alpha[0])) / w[-1]
+        level = np.diff(w) * (np.abs(np.diff(alpha)) < least * np.diff(w))
+        if level.sum() <= way:
             return False
         slip, turn = self._moved.T
-        least = max(LEVEL * (alpha[0] - alpha[-1]), SLIDING * abs(alpha[0])) / w[-1]
-        is_level = np.abs(np.diff(alpha)) < least * np.diff(w)
-        return bool(np.diff(w)[is_level & (slip > turn)].sum() > LEVEL * w[-1])
+        return bool(level[slip > turn].sum() > way)
 
     @cached_property
     def sliding_joints(self) -> dict[str, float]:

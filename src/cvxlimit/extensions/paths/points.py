@@ -142,7 +142,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     corner = [np.flatnonzero(over) for over in is_over]
     pair_of = [pairs.pair[0][corner[0]], pairs.pair[1][corner[1]], pairs.pair[0][i]]
     crossing = tail[0][i] + s * along[0][i], tail[1][j] + t * along[1][j]
-    crossed_by = _ways(pairs, pose, (i, j), normal, (along[0][i], along[1][j]), mean)
+    crossed_by, is_apart = _ways(pairs, pose, (i, j), normal, (along[0][i], along[1][j]), mean)
     ways = -normal[1][pair_of[0]], normal[0][pair_of[1]]
     at = [tail[0][corner[0]], tail[1][corner[1]], 0.5 * (crossing[0] + crossing[1])]
     n = np.concatenate([*ways, crossed_by])
@@ -151,9 +151,11 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     ])  # fmt: skip
     gap = np.einsum("kx,kx->k", above, n)
     pair, x = np.concatenate(pair_of), np.concatenate(at)
-    # Points behind a block, and those of overlaps without width, are left out.
+    # Points behind a block, of overlaps without width, and overlaps where nothing touches are left
+    # out.
     a, b = pairs.block[:, pair]
     is_kept = gap >= -DEEP * np.minimum(facets.thickness[a], facets.thickness[b])
+    is_kept[len(x) - len(crossed) :] &= ~is_apart | (gap[len(x) - len(crossed) :] >= 0.0)
     kept = np.flatnonzero(is_kept & (_widths(pair, x, basis) > CLOSED * size)[pair])
     a, b, x, n, gap, pair = a[kept], b[kept], x[kept], n[kept], gap[kept], pair[kept]
 
@@ -174,14 +176,14 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
 def _ways(
     pairs: Pairs, pose: Pose, at: tuple[IntArray, IntArray], normal: FloatArray,
     along: tuple[FloatArray, FloatArray], mean: FloatArray,
-) -> FloatArray:  # fmt: skip
+) -> tuple[FloatArray, BoolArray]:  # fmt: skip
     """Returns the directions (k, 3) of gaps at crossing edges, numbered ``at`` on either side.
 
     A direction is the edges' common perpendicular where it lies between the normals of the two
     faces at each edge, whichever pair of facets the edges are seen from. Where it lies beyond one
     of these faces, the edges cross on that face and its normal is taken, so that an edge that
-    slides on a face keeps one normal. Where it lies beyond faces of both sides nothing touches, and
-    the pair's ``mean`` normal tells how far the facets are apart.
+    slides on a face keeps one normal. Where it lies beyond faces of both sides nothing touches, as
+    is said beside, and the pair's ``mean`` normal tells how far the facets are apart.
     """
     pair = pairs.pair[0][at[0]]
     across = np.cross(*along)
@@ -198,7 +200,7 @@ def _ways(
             chosen[beyond] = sign * face[beyond]
             is_beyond[k] |= beyond
     is_apart = is_beyond.all(axis=0) | (np.einsum("kx,kx->k", chosen, mean[pair]) <= 0.0)
-    return np.where(is_apart[:, None], mean[pair], chosen)
+    return np.where(is_apart[:, None], mean[pair], chosen), is_apart
 
 
 def _widths(pair: IntArray, x: FloatArray, basis: FloatArray) -> FloatArray:

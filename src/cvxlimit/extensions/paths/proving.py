@@ -174,12 +174,16 @@ def _ending(walk: Walk, path: Path, which: str) -> Check:
     if has_come or status in ("zero", "steps"):
         is_met = has_come if status == "zero" else not has_come and len(path) > MOST
         return follows(claim, is_met, told)
+    if status == "slides":
+        return follows(claim, path.slides_away, told)
     if status == "interrupted" or path.followed:
         return unseen(claim, told)
     walk.step, ends = path.step, list[str]()
     for share in (2.0, 1.0):  # the last step that was tried is one or the other, or between them
         there = walk.settle(last, last.shown.w + share * FINEST * path.step)
         ends.append("goes on" if isinstance(there, At) else there.kind)
+    if status == "falls" and "not-converged" in ends:  # by explicit steps, which nothing holds
+        return unseen(claim, told)
     is_met = status in ends
     return follows(claim, is_met, "found again" if is_met else f"beyond it {' or '.join(ends)}")
 

@@ -13,7 +13,7 @@ from cvxlimit.base.checks import count, is_number, not_negative, positive
 from cvxlimit.errors import InputError, ModelError, NoAnswerError
 from cvxlimit.extensions.paths.configuration import Flow
 from cvxlimit.extensions.paths.following import REACH, Walk
-from cvxlimit.extensions.paths.path import Ending, Path, other_than, slides_at_first
+from cvxlimit.extensions.paths.path import LEVEL_FOR, Ending, Path, other_than
 from cvxlimit.extensions.paths.proximal import go_on
 from cvxlimit.extensions.paths.refusing import no_path, refuse, stands
 from cvxlimit.extensions.paths.starting import begun, with_resultants
@@ -204,22 +204,26 @@ def pushover(
                 tuple(notes), until=float(until), failures=failures, stretch=stretch,
             )  # fmt: skip
 
+        def is_level() -> bool:
+            so_far = made("slides", "")
+            return so_far.level_for(walk.size) and so_far.slides_away
+
         try:
-            ending = walk.walk(step, float(until), marks)
-            # Where iterates do not settle explicit steps go on, until they do again. What slides
-            # from the start goes nowhere but to the end of its support. Such steps know friction
-            # alone, and loads that keep their direction.
-            unsettled, is_at_end = {"not-converged"}, slides_at_first(initial, walk.size)
-            is_at_end |= initial is None or turn or walk.begin.bonds is not None
-            while ending[0] in unsettled and walk.found and not is_at_end:
-                longest, unsettled = max(longest, walk.step), {"not-converged", "falls"}
-                end = go_on(walk, float(until), lambda: made("slides", "").slides_away)
+            ending = walk.walk(step, float(until), is_level, marks)
+            # Where iterates do not settle explicit steps go on, until they do again. Such steps
+            # know friction alone, and loads that keep their direction.
+            is_at_end = initial is None or turn or walk.begin.bonds is not None
+            while ending[0] in ("not-converged", "blocked") and walk.found and not is_at_end:
+                longest = max(longest, walk.step)
+                end = go_on(walk, float(until), is_level)
                 is_at_end = end is not None
                 if end is None:
-                    ending = walk.walk(step, float(until), marks)
+                    ending = walk.walk(step, float(until), is_level, marks)
                     walk.step = max(walk.step, longest)
-                elif any(x.shown.is_followed for x in walk.found):
+                elif end[0] != "not-converged" or walk.found[-1].shown.is_followed:
                     ending = end
+            if ending[0] == "steps" and made("slides", "").slides_away:
+                ending = "slides", LEVEL_FOR
         except KeyboardInterrupt:
             if not walk.found:
                 raise
