@@ -257,7 +257,7 @@ class Walk:
 
     def _slid(self, shown: Configuration) -> tuple[float, bool]:
         """Returns the widest gap opened by slips at points that bear, and whether any slid."""
-        points, n = shown.points, shown.forces[:, 0]
+        points, n = shown.points, shown.points.chosen(shown.forces)
         bears = n > CLOSED * n.max(initial=0.0)
         is_opened = bears & (points.distance <= CLOSED * self.size) & self.has_dilatancy
         opened = points.gap[bears if shown.is_followed else is_opened]
@@ -266,11 +266,10 @@ class Walk:
 
     def resume(self, path: Path) -> None:
         """Take over the configurations of a path, to go on from its end."""
-        free, self.snaps, self.step = self.scene.free, [*path.snaps], path.step
+        self.snaps, self.step = [*path.snaps], path.step
         before = 0.0
         for shown in path:
-            ways = np.array([shown.displacements[self.scene.blocks[i].id] for i in free])
-            pose = self.begin.pose.moved(free, ways)
+            pose = shown.pose
             bonds = self.found[-1].bonds if self.found else self.begin.bonds
             if bonds is not None:
                 lost = [what for at, what in path.failures if self.found and at == before]
@@ -374,13 +373,13 @@ class Walk:
         return one.bonds.lost(other.bonds) if one.bonds and other.bonds else ()
 
     def bonds_at(self, i: int) -> Bonds | None:
-        """Returns the cohesion and the ties that hold at configuration ``i``, each tie as long as
-        it had become before."""
+        """Returns the cohesion, the ties and the reactions that hold at configuration ``i``, these
+        with the seats that they had before."""
         at, before = self.found[i].bonds, self.found[max(i - 1, 0)].bonds
         if at is None or before is None or i == 0:
             return self.begin.bonds
         return replace(before, is_whole=at.is_whole,
-                       length=np.where(np.isnan(at.length), np.nan, before.length))  # fmt: skip
+                       seat=np.where(np.isnan(at.seat), np.nan, before.seat))  # fmt: skip
 
     def failures(self) -> tuple[tuple[float, str], ...]:
         """Returns where what has come apart, by w before it has."""
@@ -389,9 +388,9 @@ class Walk:
     def _beside_work(self, one: At, other: At) -> tuple[float, float]:
         """Returns the energy that is taken up between two configurations besides the dead load's
         work along its first directions, and what the live load does besides its own: loads that
-        turn, and ties that yield."""
+        turn, and ties and reactions that give way."""
         dead, live = self.loads.of_turning(one.pose, other.pose)
-        yields = one.bonds.stretched(other.bonds) if one.bonds and other.bonds else 0.0
+        yields = one.bonds.yielded(other.bonds) if one.bonds and other.bonds else 0.0
         return yields - dead, live
 
     def _to_next(self, marks: FloatArray) -> float:

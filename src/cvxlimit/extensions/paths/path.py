@@ -164,7 +164,7 @@ class Path:
         for before, here in pairwise(self.configurations):
             p, n, step = here.points, here.forces[:, 0], dict[str, tuple[float, float]]()
             moved = {name: d - before.displacements[name] for name, d in here.displacements.items()}
-            for i in np.flatnonzero((n > CLOSED * n.max(initial=0.0)) & np.isinf(p.most)).tolist():
+            for i in np.flatnonzero((n > CLOSED * n.max(initial=0.0)) & ~p.is_bar).tolist():
                 one, other = names[p.a[i]], names[p.b[i]]
                 turn = (moved.get(other, still) - moved.get(one, still))[3:]
                 joint, slip = f"{one!r}-{other!r}", float(np.linalg.norm(p.slip[i]))
