@@ -335,10 +335,11 @@ class Walk:
             may_have = self.lost(here, there) or self._may_have_jumped(here, there, pace)
             jump = self._jump(here, there) if may_have else None
             if jump is not None:
-                low, high = jump
-                if low is not here:
-                    self.keep(low)
-                way, whole = (y.shown.w - x.shown.w for x, y in (jump, (here, there)))
+                *_, low, high = jump
+                for each in jump[:-1]:
+                    if each is not here:
+                        self.keep(each)
+                way, whole = (y.shown.w - x.shown.w for x, y in ((low, high), (here, there)))
                 if self.distance(low, high) / way > JUMP * self.distance(here, there) / whole:
                     self.snaps.append(low.shown.w)  # else a contact closed, and the curve goes up
                 self.keep(high)
@@ -413,14 +414,16 @@ class Walk:
         area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
         return abs(rise - area) > 0.01 * way * abs(self.found[0].shown.load_factor)
 
-    def _jump(self, low: At, high: At) -> tuple[At, At] | None:
-        """Returns the last configuration before a jump and the first after it, if there is one: the
-        half in which more happens is halved again. Smooth changes spread over all sixteenths."""
+    def _jump(self, here: At, there: At) -> list[At] | None:
+        """Returns the last configuration before a jump and the first after it, if there is one, and
+        before them those that have led there by sliding: the half in which more happens is halved
+        again. Smooth changes spread over all sixteenths."""
 
         def happens(one: At, other: At) -> FloatArray:
             fall = abs(one.shown.load_factor - other.shown.load_factor)
             return np.array([fall, self.distance(one, other)])
 
+        low, high, passed = here, there, [here]
         whole, halvings = np.maximum(happens(low, high), 1e-300), 0
         while high.shown.w - low.shown.w > FINEST * self.step or halvings < 4:
             middle = self.settle(low, 0.5 * (low.shown.w + high.shown.w))
@@ -428,10 +431,15 @@ class Walk:
                 return None
             halves = happens(low, middle) / whole, happens(middle, high) / whole
             low, high = (low, middle) if halves[0].sum() > halves[1].sum() else (middle, high)
+            passed += [middle] * (low is middle)
             halvings += 1
             if halvings >= 4 and (happens(low, high) / whole).max() < 0.25:
                 return None
-        return low, high
+        if passed[1:] and any(each.slides for each in (there, *passed[1:])):
+            # Slips count from configurations that the path keeps: all that have led there.
+            high = self.settle(low, high.shown.w)
+            return None if isinstance(high, Failed) else [*passed, high]
+        return [low, high]
 
     def enough(self, found: At) -> float:
         """Returns how near to its end a path has to come, as a difference of load factors."""
