@@ -17,9 +17,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 
 
@@ -41,8 +42,8 @@ class Bars:
         return self.at(Pose.first(self.scene))[2]
 
     @property
-    def is_tie(self) -> IntArray:
-        return np.arange(len(self.contacts)) < len(self.scene.ties)
+    def is_tie(self) -> BoolArray:
+        return np.asarray(np.arange(len(self.contacts)) < len(self.scene.ties))
 
     def at(self, pose: Pose) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Returns where they act (k, 3), along which lines (k, 3), and how far they reach (k,)."""
@@ -57,3 +58,13 @@ class Bars:
             at[:count], reach[:count] = 0.5 * (start + end), np.linalg.norm(end - start, axis=1)
             n[:count] = (start - end) / reach[:count, None]
         return at, n, reach
+
+    def least_load(self, pose: Pose) -> FloatArray:
+        """Returns what they do to all blocks (B, 6) about their centroids with their least forces
+        alone."""
+        load, (at, n, _) = np.zeros((len(pose.middle), DOF)), self.at(pose)
+        force = self.contacts.least[:, None] * n
+        for block, own in ((self.contacts.a, -force), (self.contacts.b, force)):
+            turning = np.cross(at - pose.middle[block], own)
+            np.add.at(load, block, np.concatenate([own, turning], axis=1))
+        return load

@@ -72,7 +72,8 @@ def _points(value: object, where: str, owner: str) -> JsonObject:
     )  # fmt: skip
     if width > len(_POINT):
         most = np.where(rows[:, 22] > 0.0, rows[:, 22], np.inf)
-        least, is_bar = rows[:, 23:].T if width == len(_BOUND) else (None, np.isfinite(most))
+        former = np.zeros(len(most)), np.isfinite(most)
+        least, is_bar = rows[:, 23:].T if width == len(_BOUND) else former
         points = replace(points, cohesion=rows[:, 21], most=most, least=least, is_bar=is_bar > 0.0)
     return {"points": points, "forces": rows[:, 18:21]}
 

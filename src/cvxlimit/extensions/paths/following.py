@@ -437,8 +437,8 @@ class Walk:
                 return None
         if passed[1:] and any(each.slides for each in (there, *passed[1:])):
             # Slips count from configurations that the path keeps: all that have led there.
-            high = self.settle(low, high.shown.w)
-            return None if isinstance(high, Failed) else [*passed, high]
+            last = self.settle(low, high.shown.w)
+            return None if isinstance(last, Failed) else [*passed, last]
         return [low, high]
 
     def enough(self, found: At) -> float:

@@ -128,15 +128,10 @@ class Loads:
                 turning = moment + np.cross(arm, force)
                 np.add.at(load, what.block, np.concatenate([force, turning], axis=1))
             both.append(load)
-        if self._bars is not None:
-            bars, (at, n, _) = self._bars.contacts, self._bars.at(pose)
-            force = bars.least[:, None] * n
-            for block, sign in ((bars.a, -1.0), (bars.b, 1.0)):
-                turning = np.cross(at - pose.middle[block], force)
-                own = np.zeros((len(self.scene.blocks), DOF))
-                np.add.at(own, block, sign * np.concatenate([force, turning], axis=1))
-                both[0] += own[self.scene.free]
-        return both[0].ravel(), both[1].ravel()
+        dead, live = both
+        if self._bars.contacts.least.any():
+            dead = dead + self._bars.least_load(pose)[self.scene.free]
+        return dead.ravel(), live.ravel()
 
     def work(self, pose: Pose) -> tuple[float, float]:
         """Returns the work of the dead and of the live load from the first pose to this one, along
@@ -152,15 +147,14 @@ class Loads:
                     turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
                     work += float((what.moment * turn).sum())
             both.append(work)
-        if self._bars is not None:
-            both[0] -= float(self._bars.contacts.least @ (self._bars.at(pose)[2] - self._bars.first))
-        return both[0], both[1]
+        dead, live = both
+        if (least := self._bars.contacts.least).any():
+            dead -= float(least @ (self._bars.at(pose)[2] - self._bars.first))
+        return dead, live
 
     @cached_property
-    def _bars(self) -> Bars | None:
-        """Ties and reactions, if some push at least so much."""
-        bars = Bars(self.scene)
-        return bars if bars.contacts.least.any() else None
+    def _bars(self) -> Bars:
+        return Bars(self.scene)
 
     def push(self, w: float, start: Pose, pose: Pose) -> float:
         """Returns by how much the live load has yet to move until its mean displacement is ``w``,

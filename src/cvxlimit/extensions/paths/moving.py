@@ -16,8 +16,9 @@ from cvxlimit.scene.reactions import places
 
 
 def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:
-    """``scene`` with blocks moved by (6,) displacements; point loads, ends of ties and reactions move
-    with their blocks, pressures turn with them as well, and reactions with what they push from."""
+    """``scene`` with blocks moved by (6,) displacements; point loads, ends of ties and reactions
+    move with their blocks, pressures turn with them as well, and reactions with what they push
+    from."""
     turns, still = {name: rotation(d[3:]) for name, d in displacements.items()}, np.eye(3)
     blocks, shift = [], dict[str, FloatArray]()
     for block in scene.blocks:
@@ -41,7 +42,9 @@ def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:
 
     ties = [replace(t, start=placed(t.a, t.start), end=placed(t.b, t.end)) for t in scene.ties]
     reactions = [
-        replace(r, at=placed(r.block, r.at), direction=tuple(turns.get(r.on, still) @ r.direction))
+        replace(
+            r, at=placed(r.block, r.at), direction=tuple(turns.get(r.on or "", still) @ r.direction)
+        )
         for r in scene.reactions
     ]
     return replace(

@@ -198,9 +198,7 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
         yield "w", f"the displacements have {w:.9g}"
 
     # No block is in another one, nor in a prop, but for what linearised steps leave.
-    start = replace(
-        Start.at(walk.facets, pose, walk.found[i].loose), bonds=walk.bonds_at(i)
-    )
+    start = replace(Start.at(walk.facets, pose, walk.found[i].loose), bonds=walk.bonds_at(i))
     most = LEFT if here.is_followed else CLOSED
     if (depth := start.points(pose).depth) > most * size:
         yield "displacements", f"blocks are {depth / size:.1e} of the contact size in each other"
@@ -231,9 +229,7 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
 
     # No tension, and friction within its cone.
     cone = here.points.friction * n + here.points.cohesion
-    excess = np.max(
-        [here.points.least - n, friction - cone, n - here.points.most], initial=0.0
-    )
+    excess = np.max([here.points.least - n, friction - cone, n - here.points.most], initial=0.0)
     if not excess <= RESIDUAL * dead_load:
         yield "friction", f"forces exceed it by {excess / dead_load:.1e} of the dead load"
 

@@ -39,6 +39,11 @@ TURN, KEEP = (
     for what in ("turn with them", "keep their direction: point loads at their centres")
 )
 
+PUSHES = (
+    "reactions have no stiffness: they push with their most as soon as blocks move against them, "
+    "however little"
+)
+
 
 def pushover(
     scene: Scene | Path,
@@ -118,7 +123,7 @@ def pushover(
     GeometryError
         For blocks that touch nothing, not even at an edge.
     ModelError
-        For tensile or compressive strength and reactions, and for unknown choices.
+        For tensile or compressive strength, and for unknown choices.
 
     Example
     -------
@@ -162,7 +167,7 @@ def pushover(
     about = None if control is None else checked_control(scene, control)
     begin = half = other = None
     if before is not None:
-        step, about = step or before.step, about or before.control
+        step, about = step or before.step or None, about or before.control
         begin = replace(before, control=about)
         half = before.halved and replace(before.halved, control=about)
         other = before.other_flow and replace(before.other_flow, control=about)
@@ -193,6 +198,7 @@ def pushover(
         def made(status: Ending, reason: str) -> Path:
             slides, failures = any(x.slides for x in walk.found), walk.failures()
             notes = [DISPLACED] * (initial is None) + [TURN] * turn + [KEEP] * keeps
+            notes += [PUSHES] * bool(scene.reactions)
             notes += [SLIDES[rule]] * slides
             if failures:
                 torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])

@@ -24,8 +24,8 @@ def refuse(scene: Scene) -> None:
             has = has or f"inertia that grows with height in the {name} load"
     if has:
         raise ModelError(
-            f"scene {scene.name!r} has {has}: paths do not know these; leave it out, or solve for the "
-            "load factor alone"
+            f"scene {scene.name!r} has {has}: paths do not know these; leave it out, or solve for "
+            "the load factor alone"
         )
 
 
