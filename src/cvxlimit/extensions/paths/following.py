@@ -423,7 +423,7 @@ class Walk:
             fall = abs(one.shown.load_factor - other.shown.load_factor)
             return np.array([fall, self.distance(one, other)])
 
-        low, high, passed = here, there, [here]
+        low, high, passed = here, there, list[At]()
         whole, halvings = np.maximum(happens(low, high), 1e-300), 0
         while high.shown.w - low.shown.w > FINEST * self.step or halvings < 4:
             middle = self.settle(low, 0.5 * (low.shown.w + high.shown.w))
@@ -435,11 +435,21 @@ class Walk:
             halvings += 1
             if halvings >= 4 and (happens(low, high) / whole).max() < 0.25:
                 return None
-        if passed[1:] and any(each.slides for each in (there, *passed[1:])):
-            # Slips count from configurations that the path keeps: all that have led there.
-            last = self.settle(low, high.shown.w)
-            return None if isinstance(last, Failed) else [*passed, last]
-        return [low, high]
+        # Slips and seats count from configurations that the path keeps: it keeps all that led there
+        # where these two do not say by themselves what has happened on the way.
+        slides = any(each.slides for each in (there, *passed))
+        if low is here or not (slides or self._seats_are_lost(here, low, high)):
+            return [low, high]
+        last = self.settle(low, high.shown.w)
+        return None if isinstance(last, Failed) else [*passed, last]
+
+    def _seats_are_lost(self, *each: At) -> bool:
+        """Returns whether seats have moved farther between configurations than these show."""
+        return any(
+            (abs(x.bonds.after(y.pose).seat - y.bonds.seat) > CLOSED * self.size).any()
+            for x, y in pairwise(each)
+            if x.bonds and y.bonds
+        )
 
     def enough(self, found: At) -> float:
         """Returns how near to its end a path has to come, as a difference of load factors."""
