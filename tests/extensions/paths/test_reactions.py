@@ -17,6 +17,7 @@ from cvxlimit import (
     Load,
     Path,
     Reaction,
+    Road,
     Scene,
     Tie,
     code_check,
@@ -30,7 +31,7 @@ from cvxlimit.extensions.paths.bonds import Bonds
 from cvxlimit.extensions.paths.files import PATH
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.io import json_schema, read_path
-from cvxlimit.masonry import single_block, stack
+from cvxlimit.masonry import Arch, bridge, single_block, stack
 from cvxlimit.model.formulations import vertex_forces
 from cvxlimit.scene.loads import PointForce
 from cvxlimit.surfaces import Rocking
@@ -316,3 +317,23 @@ def test_random_walls_with_reactions_keep_the_laws(seed: int) -> None:
     shown = path[len(path) // 2]
     again = pushover(shown.scene(), until=shown.load_factor - 1e-3, certify="none")
     assert again.load_factor[0] == pytest.approx(shown.load_factor, abs=1e-6)
+
+
+@pytest.mark.exhaustive
+def test_an_arch_in_soil_keeps_the_laws_and_says_that_its_curve_depends_on_the_step() -> None:
+    """Voussoirs push the soil in and come back on the way; jumps are proved with what led there."""
+    bare = bridge(Arch(6.55, 1.428, voussoirs=16), thickness=0.22, width=3.8, cover=0.165,
+                  density=17.66, fill=20.0, friction=0.6)  # fmt: skip
+    level = 1.428 + 0.22 + 0.165
+    soil = passive(bare, level, unit_weight=20.0, coefficient=1.5)
+    scene = replace(bare, reactions=soil)
+    scene = scene.with_live(Load(points=Road(scene, level).load(at=6.55 / 4, force=1.0).points))
+    found = solve(scene, [Rocking()], formulation=vertex_forces)
+    path = pushover(scene, certify="last")
+    assert path.load_factor[0] == pytest.approx(found.load_factor, rel=1e-6)
+    assert path.load_factor[0] > 1.2 * pushover(replace(scene, reactions=())).load_factor[0]
+    assert path.halved is not None
+    assert any("depends on the step" in note for note in path.notes)
+    for shown in path:
+        assert_balanced_within_friction(shown)
+    assert prove(path).is_proved

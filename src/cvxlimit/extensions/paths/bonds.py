@@ -89,6 +89,11 @@ class Bonds:
         reach = np.maximum(self.seat, self.bars.at(pose)[2])
         return replace(self, seat=np.where(np.isfinite(self.bars.contacts.most), reach, self.seat))
 
+    def turned(self, pose: Pose) -> bool:
+        """Returns whether blocks have come back, at a pose, from where bars gave way."""
+        near, reach = CLOSED * self.bars.scene.contacts.typical_size, self.bars.at(pose)[2]
+        return bool(((self.seat - self.bars.first > near) & (self.seat - reach > near)).any())
+
     def lost(self, later: Bonds) -> tuple[str, ...]:
         """Names of what holds here and not ``later``."""
         gone = np.append(self.is_whole & ~later.is_whole,

@@ -81,7 +81,8 @@ class Path:
     control : (block id, (3,) direction) or None
     notes : tuple of str
     halved : Path or None
-        Of a path that slides with steps that the package chose: the same with each step in two.
+        Of a path that slides, or whose blocks come back from where reactions gave way, with steps
+        that the package chose: the same with each step in two.
     until : float
         Load factor that was asked for as its end.
     failures : tuple of (float, str)

@@ -44,6 +44,11 @@ PUSHES = (
     "however little"
 )
 
+TURNED = (
+    "blocks have come back from where reactions or ties gave way, so that the curve depends on the "
+    "step"
+)
+
 
 def pushover(
     scene: Scene | Path,
@@ -79,8 +84,8 @@ def pushover(
     step : float or None
         Of w, the mean displacement of the live load, in the scene's unit of length; None: an eighth
         of what the last slope takes to ``until``, at most an eighth of the contact size, and where
-        joints slide the whole again with each step in two (``path.halved``). Where no equilibrium
-        is found, a step is halved.
+        joints slide, or blocks come back from where reactions gave way, the whole again with each
+        step in two (``path.halved``). Where no equilibrium is found, a step is halved.
     until : float
         Load factor at which the path ends.
     flow : {"associated", "zero-dilatancy"} or None
@@ -199,6 +204,7 @@ def pushover(
             slides, failures = any(x.slides for x in walk.found), walk.failures()
             notes = [DISPLACED] * (initial is None) + [TURN] * turn + [KEEP] * keeps
             notes += [PUSHES] * bool(scene.reactions)
+            notes += [TURNED] * any(x.bonds.turned(x.pose) for x in walk.found if x.bonds)
             notes += [SLIDES[rule]] * slides
             if failures:
                 torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])
@@ -244,7 +250,7 @@ def pushover(
     if path.followed and path.status != "interrupted":
         rule = other_than(kind)
         path = replace(path, other_flow=follow(step, other, f"{rule}: ", rule=rule))
-    if not (path.slides and is_own):
+    if not (is_own and (path.slides or TURNED in path.notes)):
         return path
     # Every step of the path in two, where the package has chosen them, until that changes little.
     notes, other = list(path.notes), path.other_flow
