@@ -29,6 +29,7 @@ from cvxlimit import (
 from cvxlimit.extensions.paths.bars import Bars
 from cvxlimit.extensions.paths.bonds import Bonds
 from cvxlimit.extensions.paths.files import PATH
+from cvxlimit.extensions.paths.following import FARTHEST, Failed, Walk
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.io import json_schema, read_path
 from cvxlimit.masonry import Arch, bridge, single_block, stack
@@ -244,6 +245,30 @@ def test_what_has_given_way_is_remembered_and_a_prop_gives_way_nowhere() -> None
         bonds = bonds.after(at(x))
         gaps = bonds.seat - Bars(scene).at(at(x))[2]
         assert gaps == pytest.approx([yielding, prop], abs=1e-15)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(
+    ("side", "direction", "least", "size"), [(B, -1, 0.25, -1.5), (0.0, 1, 0.25, 0.25)]
+)
+def test_explicit_steps_know_reactions(
+    side: float, direction: int, least: float, size: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where no iterates come to rest, as here by order, the closed form is met up to the square of
+    how far each step goes; by either flow rule."""
+    monkeypatch.setattr(
+        Walk, "settle", lambda self, _, w: Failed(w, "not-converged", np.ones(len(self.radius)))
+    )
+    path = pushover(block(Reaction("b1", (side, 0.25, 0.6), (direction, 0, 0), 1.5, least)))
+    assert path.status == "zero"
+    assert all(shown.is_followed for shown in path[1:])
+    runs = [path, path.other_flow]
+    for run in runs:
+        assert run is not None
+        exact = [on_its_toe(path.scene, turn, (size, side, 0.6)) for turn in turn_of(run)]
+        assert run.load_factor == pytest.approx(exact, abs=FARTHEST**2)
+    assert any(shown.bracket is not None for shown in path[1:])
+    assert prove(path).is_proved
 
 
 @pytest.fixture(scope="module")

@@ -56,6 +56,11 @@ class Bonds:
         return np.flatnonzero(np.asarray(self.bars.scene.contacts.cohesion) > 0.0)
 
     @property
+    def lasts(self) -> bool:
+        """True if nothing comes apart: there are reactions alone."""
+        return not (len(self.is_whole) or self.bars.is_tie.any())
+
+    @property
     def names(self) -> list[str]:
         """Of the joints, then of the bars."""
         contacts = self.bars.scene.contacts

@@ -457,7 +457,8 @@ class Walk:
         return share * abs(self.found[0].shown.load_factor)
 
     def _end(self, here: At, there: At, until: float) -> At:
-        """Returns the configuration between two whose load factor is ``until``, or the nearest."""
+        """Returns the configuration between two whose load factor is ``until``, or the nearest of
+        those that carry less."""
         if there.shown.load_factor >= until - self.enough(there):
             return there
         found = {x.shown.w: x for x in (here, there)}
@@ -473,8 +474,8 @@ class Walk:
 
         with suppress(ArithmeticError):
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
-        del found[here.shown.w]
-        return min(found.values(), key=lambda x: abs(x.shown.load_factor - until))
+        ends = [x for x in found.values() if x.shown.load_factor - until <= self.enough(x)]
+        return min(ends, key=lambda x: abs(x.shown.load_factor - until))
 
     def why(self, kind: Ending, moved: FloatArray) -> str:
         """Returns a sentence about a failure, with the blocks that move most."""

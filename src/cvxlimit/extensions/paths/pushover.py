@@ -219,10 +219,11 @@ def pushover(
         try:
             ending = walk.walk(step, float(until), marks)
             # Where iterates do not settle explicit steps go on, until they do again. What slides
-            # from the start goes nowhere but to the end of its support. Such steps know friction
-            # alone, and loads that keep their direction.
+            # from the start goes nowhere but to the end of its support. Such steps know what
+            # does not come apart, and loads that keep their direction.
             unsettled, is_at_end = {"not-converged"}, slides_at_first(initial, walk.size)
-            is_at_end |= initial is None or turn or walk.begin.bonds is not None
+            comes_apart = walk.begin.bonds is not None and not walk.begin.bonds.lasts
+            is_at_end |= initial is None or turn or comes_apart
             while ending[0] in unsettled and walk.found and not is_at_end:
                 longest, unsettled = max(longest, walk.step), {"not-converged", "falls"}
                 end = go_on(walk, float(until), lambda: made("slides", "").slides_away)
