@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from cvxlimit import Path, builtin_scene, code_check, prove, pushover
-from cvxlimit.extensions.paths.following import FARTHEST, LEFT, Failed, Walk
+from cvxlimit.extensions.paths.following import Walk
+from cvxlimit.extensions.paths.resting import FARTHEST, LEFT, Failed
 from cvxlimit.io import read_path
 from linkages import rocking
 

@@ -29,8 +29,9 @@ from cvxlimit import (
 from cvxlimit.extensions.paths.bars import Bars
 from cvxlimit.extensions.paths.bonds import Bonds
 from cvxlimit.extensions.paths.files import PATH
-from cvxlimit.extensions.paths.following import FARTHEST, Failed, Walk
+from cvxlimit.extensions.paths.following import Walk
 from cvxlimit.extensions.paths.pairs import Pose
+from cvxlimit.extensions.paths.resting import FARTHEST, Failed
 from cvxlimit.io import json_schema, read_path
 from cvxlimit.masonry import Arch, bridge, single_block, stack
 from cvxlimit.model.formulations import vertex_forces

@@ -1,59 +1,27 @@
 """The path of a structure in finite displacements: steps of the live load's mean displacement w.
 
-A step seeks the blocks' next equilibrium at a given w: one convex problem after the other on exact
-geometry (:mod:`.increment`), until it moves nothing any more. The load factor is its multiplier.
+A step seeks the blocks' next equilibrium at a given w (:mod:`.resting`); it is halved where there
+is none, and where blocks jump in it the jump is enclosed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
-from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.paths.bonds import Bonds
-from cvxlimit.extensions.paths.configuration import CLOSED, Configuration, Flow, Points
-from cvxlimit.extensions.paths.increment import Ahead, Found, Increment, Loads, Near
-from cvxlimit.extensions.paths.pairs import Pose
+from cvxlimit.extensions.paths.configuration import CLOSED, Configuration, Flow
 from cvxlimit.extensions.paths.path import LEVEL_FOR, SLIDING, ZERO, Ending, Path, Work
-from cvxlimit.extensions.paths.points import SETTLED, Start
 from cvxlimit.extensions.paths.proof import bracket_of
+from cvxlimit.extensions.paths.resting import LEFT, REACH, STILL, At, Failed, Rest
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import Outcome
-
-REACH = 0.2
-"""Facets within this share of the contact size of each other may meet in a step; blocks that were
-farther off and are in each other after it make the step too long."""
-
-_STILL = 1e-9
-"""Movement over the contact size that an iterate may still ask for: a tenth of what blocks may be
-in each other, and ten times what solvers leave."""
-
-_SURE, _FEW, _MANY = 6, 12, 24
-"""Iterates: rocking takes 3 to 6, and sliding where slips keep their direction; what has not
-settled in 24 has not settled in 60. After twelve ``SETTLED`` is enough: digits end where
-mechanisms compete."""
-
-_FAR = 1e-3
-"""Movement over the contact size from which two iterates lead to the end, each from the answer
-before; still farther off after twelve, mechanisms compete, and half the step takes less time."""
-
-_LOST = 1e-2
-"""Share of a step's work that friction without dilatancy may lack: no load factor between two
-equilibria is told to less where joints slide. Iterates end at once below ``SLIDING``."""
-
-FARTHEST, LEFT = 0.05, 0.05**2
-"""Largest movement of an explicit step over the contact size, and what its linearisation leaves of
-gaps; what would go farther goes on in several steps."""
-
-_TURN = 0.5
-"""Largest rotation of an iterate, in radians: a tangent says nothing beyond."""
 
 FINEST, _STEPS, MOST = 1e-3, 8, 400
 """Share of the first step without an equilibrium nearer than which the structure falls; steps to
@@ -64,205 +32,17 @@ _AHEAD, JUMP = 1.5, 4.0
 slide, which change their pace as they like."""
 
 
-@dataclass(frozen=True, eq=False)
-class At:
-    """A configuration (``shown``), its pose, the gap that its slips have opened (``loose``,
-    length), whether any joint slid, and the cohesion and ties that hold from there on."""
-
-    pose: Pose
-    shown: Configuration
-    loose: float
-    slides: bool
-    bonds: Bonds | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Failed:
-    """An equilibrium that was not found at ``w``: how the path ends there, and how far each free
-    block ``moved`` in the last iterate (free blocks,)."""
-
-    w: float
-    kind: Ending
-    moved: FloatArray
-
-
-class Walk:
+class Walk(Rest):
     """A path under way: the configurations so far, and the steps that lead on."""
 
     def __init__(
         self, scene: Scene, certify: str, reach: float, tell: Callable[[str], None], flow: Flow,
         stretch: float = 0.0,
     ) -> None:  # fmt: skip
-        self.scene, self.certify, self.tell, self.flow = scene, certify, tell, flow
-        self.has_dilatancy = flow == "associated"
-        self.size = scene.contacts.typical_size
-        self.loads = Loads(scene)
-        self.radius = np.array([
-            np.linalg.norm(b.vertices - b.centroid, axis=1).max()
-            for b in (scene.blocks[i] for i in scene.free)
-        ])  # fmt: skip
-        bonds = Bonds.first(scene, stretch)
-        self.begin = replace(Start.first(scene, reach), bonds=bonds)
-        self.facets = self.begin.facets
-        self.found: list[At] = []
+        super().__init__(scene, reach, flow, stretch)
+        self.certify, self.tell = certify, tell
         self.snaps: list[float] = []
         self.step = 0.0
-
-    def first(self) -> At | Failed:
-        """Returns the configuration of the scene as given, at the largest load factor."""
-        pose = self.begin.pose
-        points = self.begin.points(pose)
-        points = points.take(points.gap <= CLOSED * self.size)
-        increment, loss = Increment(self.scene, points, pose, self.loads), 0.0
-        answer = increment.solve(None)
-        if isinstance(answer, Found) and not self.has_dilatancy:
-            push = self.size * self.loads.size
-            answer, loss = increment.rates_without_dilatancy(push, SLIDING)
-        if not isinstance(answer, Found):
-            return Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
-        shown = self._shown(pose, points, answer, 0.0, 0.0, 1, loss)
-        return replace(shown, bonds=self.begin.bonds)
-
-    def settle(self, start: At, w: float) -> At | Failed:
-        """Returns the equilibrium at ``w`` to which the iterates from ``start`` lead. The cohesion
-        and the ties that come apart on the way do not hold there, so that it is sought again
-        without them."""
-        while True:
-            found = self._settle(start, w)
-            if start.bonds is None or isinstance(found, Failed):
-                return found
-            left = start.bonds.holding(found.pose)
-            if not start.bonds.lost(left):
-                return replace(found, bonds=left.after(found.pose))
-            start = replace(start, bonds=left)
-
-    def _settle(self, start: At, w: float) -> At | Failed:
-        """Returns the equilibrium with all that holds at the start. Where nothing slides the
-        associated one is also one without dilatancy, in half the time."""
-        if self.has_dilatancy or not start.slides:
-            found = self._associated(start, w)
-            if self.has_dilatancy or (isinstance(found, At) and not found.slides):
-                return found
-        return self._without_dilatancy(start, w)
-
-    def start(self, at: At) -> Start:
-        if at.pose is self.begin.pose:
-            return self.begin if at.bonds is None else replace(self.begin, bonds=at.bonds)
-        return Start.at(self.facets, at.pose, at.loose, at.bonds)
-
-    def moved(self, d: FloatArray) -> FloatArray:
-        """Returns how far each free block moves (length) by ``d`` (free blocks, 6)."""
-        return np.linalg.norm(d[:, :3], axis=1) + np.linalg.norm(d[:, 3:], axis=1) * self.radius
-
-    def _moved(self, answer: Found) -> tuple[FloatArray, float]:
-        """Returns how far an increment moves each free block (length), and the largest share of it
-        for which its linearisation holds."""
-        turned = np.linalg.norm(answer.d[:, 3:], axis=1)
-        return self.moved(answer.d), _TURN / max(float(turned.max()), 1e-300)
-
-    def _no_answer(self, answer: Outcome, w: float, moved: FloatArray) -> Failed:
-        is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
-        return Failed(w, "blocked" if is_blocked else "falls", moved)
-
-    def _associated(self, start: At, w: float) -> At | Failed:
-        """Returns the equilibrium at ``w`` with dilatancy, where an increment moves nothing."""
-        begin, pose, before, step, last = self.start(start), start.pose, np.inf, 1.0, None
-        moved = np.zeros(len(self.scene.free))
-        for iterate in range(1, _MANY + 1):
-            points, number = begin.numbered(pose)
-            push = self.loads.push(w, start.pose, pose)
-            near = Near(*last, number) if last else None
-            answer = Increment(self.scene, points, pose, self.loads).solve(push, near)
-            if not isinstance(answer, Found):
-                return self._no_answer(answer, w, moved)
-            moved, most = self._moved(answer)
-            size = float(moved.max()) / self.size
-            if size <= (_STILL if iterate < _FEW else SETTLED):
-                found = self._shown(pose, points, answer, w, size, iterate)
-                apart = Start.at(self.facets, pose, found.loose).points(pose)
-                if apart.gap.min(initial=0.0) < -CLOSED * self.size:
-                    return Failed(w, "not-converged", moved)
-                return found
-            # Where mechanisms compete, whole iterates go to and fro between them: the next one is
-            # twice as long where at least half of what this one should have brought came of it.
-            is_falling = size < (1.0 - 0.5 * step) * before
-            share = min(1.0, 2.0 * step) if is_falling else max(0.5 * step, 0.125)
-            before = size
-            if iterate >= _FEW and size > _FAR:
-                break
-            step = min(share if iterate > 4 else 1.0, most)
-            pose = pose.moved(self.scene.free, step * answer.d)
-            last = (answer, step, number) if size < _FAR else None
-        return Failed(w, "not-converged", moved)
-
-    def _without_dilatancy(self, start: At, w: float) -> At | Failed:
-        """Returns the equilibrium at ``w`` without dilatancy. Every iterate solves two problems on
-        exact geometry: friction for the slips so far, then displacements with friction of these
-        forces. Where slips keep changing direction the iterate with the least loss counts."""
-        begin, pose, size = self.start(start), start.pose, np.inf
-        moved, best = np.zeros(len(self.scene.free)), None
-        work = abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
-        for iterate in range(1, _MANY + 1):
-            points = begin.points(pose)
-            push = self.loads.push(w, start.pose, pose)
-            increment = Increment(self.scene, points, pose, self.loads)
-            slides = np.linalg.norm(points.slip, axis=1)
-            if iterate == 1:  # as if every point slid as far as the live load goes
-                slides = np.full(len(points), push / self.loads.size)
-            forces = increment.priced(push, slides)
-            if not isinstance(forces, Found):
-                return best or self._no_answer(forces, w, moved)
-            answer = increment.held(push, forces.forces[:, 0])
-            if not isinstance(answer, Found):
-                return best or self._no_answer(answer, w, moved)
-            moved, most = self._moved(answer)
-            size = float(moved.max()) / self.size
-            is_still = size <= _STILL
-            overrun = points.depth > 10.0 * _STILL * self.size
-            if not overrun and (is_still or (iterate > _SURE and size <= _FAR)):
-                loss = points.lost(forces.forces) / work
-                is_closed = points.bearing_gap(forces.forces) <= _FAR * self.size
-                if is_closed and loss <= (best.shown.loss if best else _LOST):
-                    left = w * self.loads.size - self.loads.work(pose)[1]
-                    at = w - left / self.loads.size
-                    best = self._shown(pose, points, forces, at, size, iterate, loss)
-                if is_still or (best is not None and best.shown.loss <= SLIDING):
-                    break
-            pose = pose.moved(self.scene.free, min(1.0, most) * answer.d)
-        return best or Failed(w, "not-converged", moved)
-
-    def _shown(
-        self, pose: Pose, points: Points, answer: Found | Ahead, w: float, residual: float,
-        iterates: int, loss: float = 0.0,
-    ) -> At:  # fmt: skip
-        free = self.scene.free
-        turn = Rotation.from_matrix(pose.turn[free]).as_rotvec()
-        each = np.concatenate([pose.shift[free], turn], axis=1)
-        shown = Configuration(
-            self.scene, w, answer.load_factor,
-            {self.scene.blocks[i].id: d for i, d in zip(free.tolist(), each, strict=True)},
-            points, answer.forces, None, 0.0, residual, iterates, loss,
-        )  # fmt: skip
-        return At(pose, shown, *self._slid(shown))
-
-    def followed(
-        self, pose: Pose, points: Points, ahead: Ahead, w: float, before: float
-    ) -> At:  # fmt: skip
-        """Returns a configuration that an explicit step led to, from one at w ``before``."""
-        work = abs(self.found[0].shown.load_factor) * (w - before) * self.loads.size
-        loss = points.lost(ahead.forces, self.flow) / work
-        at = self._shown(pose, points, ahead, w, ahead.residual, 1, loss)
-        shown = replace(at.shown, is_followed=True)
-        return At(pose, shown, *self._slid(shown))
-
-    def _slid(self, shown: Configuration) -> tuple[float, bool]:
-        """Returns the widest gap opened by slips at points that bear, and whether any slid."""
-        points, n = shown.points, shown.points.chosen(shown.forces)
-        bears = n > CLOSED * n.max(initial=0.0)
-        is_opened = bears & (points.distance <= CLOSED * self.size) & self.has_dilatancy
-        opened = points.gap[bears if shown.is_followed else is_opened]
-        slip = points.friction[bears] * np.linalg.norm(points.slip[bears], axis=1)
-        return float(opened.max(initial=0.0)), bool((slip > CLOSED * self.size).any())
 
     def resume(self, path: Path) -> None:
         """Take over the configurations of a path, to go on from its end."""
@@ -520,7 +300,7 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
     happen where joints slide, it is the second of these, which carries less."""
     after = int(np.flatnonzero(path.displacement >= displacement)[0])
     there = path[after]
-    same = path.displacement[after] - displacement <= _STILL * path.scene.contacts.typical_size
+    same = path.displacement[after] - displacement <= STILL * path.scene.contacts.typical_size
     if same or any(after == start for start, _ in path.pieces):
         return there
     size = path.scene.contacts.typical_size
@@ -538,7 +318,7 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
     w = displacement
     with suppress(ArithmeticError):
         if path.control is not None:
-            w = float(brentq(beyond, here.shown.w, there.w, xtol=_STILL * size))
+            w = float(brentq(beyond, here.shown.w, there.w, xtol=STILL * size))
         if w not in found:
             beyond(w)
     return walk.proved(found[w]).shown if w in found else there

@@ -26,13 +26,14 @@ import numpy as np
 from cvxlimit.base.arrays import BoolArray
 from cvxlimit.extensions.paths.configuration import CLOSED, Points
 from cvxlimit.extensions.paths.files import PATH
-from cvxlimit.extensions.paths.following import FINEST, JUMP, LEFT, MOST, REACH, At, Walk
+from cvxlimit.extensions.paths.following import FINEST, JUMP, MOST, Walk
 from cvxlimit.extensions.paths.increment import Increment
 from cvxlimit.extensions.paths.path import SLIDING, Path
 from cvxlimit.extensions.paths.points import Start
 from cvxlimit.extensions.paths.proof import bracket_of
 from cvxlimit.extensions.paths.proximal import LACKS
 from cvxlimit.extensions.paths.refusing import stands
+from cvxlimit.extensions.paths.resting import LEFT, REACH, At
 from cvxlimit.extensions.paths.starting import begun
 from cvxlimit.io.scenes import scene_digest
 from cvxlimit.methods.solving import solve

@@ -12,10 +12,11 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, is_number, not_negative, positive
 from cvxlimit.errors import InputError, ModelError, NoAnswerError
 from cvxlimit.extensions.paths.configuration import Flow
-from cvxlimit.extensions.paths.following import REACH, Walk
+from cvxlimit.extensions.paths.following import Walk
 from cvxlimit.extensions.paths.path import LEVEL_FOR, Ending, Path, other_than
 from cvxlimit.extensions.paths.proximal import go_on
 from cvxlimit.extensions.paths.refusing import no_path, refuse, stands
+from cvxlimit.extensions.paths.resting import REACH
 from cvxlimit.extensions.paths.starting import begun, with_resultants
 from cvxlimit.methods.solving import solve
 from cvxlimit.results.movement import checked_control
