@@ -22,9 +22,6 @@ from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces import Rocking
 
-_IDLE = 1e-7
-"""Share of the largest force below which a point is taken to carry nothing."""
-
 
 def bracket_of(
     scene: Scene, points: Points, pose: Pose, loads: Loads, flow: Flow = "associated",
@@ -46,7 +43,7 @@ def bracket_of(
         certifier.offer_opening_field(opening.mechanism)
     upper = certifier.certificate(None, None, found.mechanism)
     n = found.internal[: len(closed)]
-    bearing = closed.take(n > _IDLE * n.max(initial=0.0))
+    bearing = closed.take(n > CLOSED * n.max(initial=0.0))
     lower = Bracket()
     for kept in (bearing, closed):  # those that bear nothing leave no room inside
         lower = _lower(Increment(scene, kept, pose, loads))

@@ -29,25 +29,22 @@ STILL = 1e-9
 """Movement over the contact size that an iterate may still ask for: a tenth of what blocks may be
 in each other, and ten times what solvers leave."""
 
-_SURE, _FEW, _MANY = 6, 12, 24
+_FEW, _MANY = 12, 24
 """Iterates: rocking takes 3 to 6, and sliding where slips keep their direction; what has not
 settled in 24 has not settled in 60. After twelve ``SETTLED`` is enough: digits end where
-mechanisms compete."""
+mechanisms compete. Without dilatancy an iterate is two problems, and half as many are few."""
 
 _FAR = 1e-3
 """Movement over the contact size from which two iterates lead to the end, each from the answer
 before; still farther off after twelve, mechanisms compete, and half the step takes less time."""
 
-_LOST = 1e-2
+_LOST = 10.0 * SLIDING
 """Share of a step's work that friction without dilatancy may lack: no load factor between two
 equilibria is told to less where joints slide. Iterates end at once below ``SLIDING``."""
 
 FARTHEST, LEFT = 0.05, 0.05**2
 """Largest movement of an explicit step over the contact size, and what its linearisation leaves of
 gaps; what would go farther goes on in several steps."""
-
-_TURN = 0.5
-"""Largest rotation of an iterate, in radians: a tangent says nothing beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,12 +135,6 @@ class Rest:
         """Returns how far each free block moves (length) by ``d`` (free blocks, 6)."""
         return np.linalg.norm(d[:, :3], axis=1) + np.linalg.norm(d[:, 3:], axis=1) * self.radius
 
-    def _moved(self, answer: Found) -> tuple[FloatArray, float]:
-        """Returns how far an increment moves each free block (length), and the largest share of it
-        for which its linearisation holds."""
-        turned = np.linalg.norm(answer.d[:, 3:], axis=1)
-        return self.moved(answer.d), _TURN / max(float(turned.max()), 1e-300)
-
     def _no_answer(self, answer: Outcome, w: float, moved: FloatArray) -> Failed:
         is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
         return Failed(w, "blocked" if is_blocked else "falls", moved)
@@ -159,7 +150,7 @@ class Rest:
             answer = Increment(self.scene, points, pose, self.loads).solve(push, near)
             if not isinstance(answer, Found):
                 return self._no_answer(answer, w, moved)
-            moved, most = self._moved(answer)
+            moved = self.moved(answer.d)
             size = float(moved.max()) / self.size
             if size <= (STILL if iterate < _FEW else SETTLED):
                 found = self._shown(pose, points, answer, w, size, iterate)
@@ -174,7 +165,7 @@ class Rest:
             before = size
             if iterate >= _FEW and size > _FAR:
                 break
-            step = min(share if iterate > 4 else 1.0, most)
+            step = share if iterate > 4 else 1.0
             pose = pose.moved(self.scene.free, step * answer.d)
             last = (answer, step, number) if size < _FAR else None
         return Failed(w, "not-converged", moved)
@@ -199,11 +190,11 @@ class Rest:
             answer = increment.held(push, forces.forces[:, 0])
             if not isinstance(answer, Found):
                 return best or self._no_answer(answer, w, moved)
-            moved, most = self._moved(answer)
+            moved = self.moved(answer.d)
             size = float(moved.max()) / self.size
             is_still = size <= STILL
             overrun = points.depth > 10.0 * STILL * self.size
-            if not overrun and (is_still or (iterate > _SURE and size <= _FAR)):
+            if not overrun and (is_still or (2 * iterate > _FEW and size <= _FAR)):
                 loss = points.lost(forces.forces) / work
                 is_closed = points.bearing_gap(forces.forces) <= _FAR * self.size
                 if is_closed and loss <= (best.shown.loss if best else _LOST):
@@ -212,7 +203,7 @@ class Rest:
                     best = self._shown(pose, points, forces, at, size, iterate, loss)
                 if is_still or (best is not None and best.shown.loss <= SLIDING):
                     break
-            pose = pose.moved(self.scene.free, min(1.0, most) * answer.d)
+            pose = pose.moved(self.scene.free, answer.d)
         return best or Failed(w, "not-converged", moved)
 
     def _shown(
