@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cvxlimit import Path, builtin_scene, code_check, prove, pushover
+from cvxlimit import Block, Load, Path, Scene, builtin_scene, code_check, prove, pushover
 from cvxlimit.extensions.paths.following import Walk
 from cvxlimit.extensions.paths.resting import FARTHEST, LEFT, Failed
 from cvxlimit.io import read_path
+from cvxlimit.masonry import single_block
+from cvxlimit.scene.loads import Pressure
 from linkages import rocking
 
 
@@ -39,6 +41,47 @@ def test_explicit_steps_alone_follow_a_block_to_its_closed_form(path: Path) -> N
             assert shown.bracket.is_proved
             assert shown.bracket.lower - LEFT <= value <= shown.bracket.upper + LEFT
             assert shown.widest_gap <= LEFT * path.scene.contacts.typical_size
+
+
+@pytest.fixture
+def unsettled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No iterates come to rest."""
+    monkeypatch.setattr(
+        Walk, "settle", lambda self, _, w: Failed(w, "not-converged", np.ones(len(self.radius)))
+    )
+
+
+@pytest.mark.usefixtures("unsettled")
+def test_explicit_steps_follow_a_block_that_starts_displaced() -> None:
+    """Of 0.5 x 1 m, leaning by ten degrees about its toe."""
+    angle = np.radians(10.0)
+    c, s = np.cos(angle), np.sin(angle)
+    block = Block.box("b", (-0.5, -0.25, 0), (0, 0.25, 1), density=10).moved(
+        [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+    )
+    ground = Block.box("ground", (-5, -5, -1), (5, 5, 0))
+    scene = Scene([ground, block], ["ground"], Load(acceleration=(1, 0, 0)), friction=0.7)
+    path = pushover(scene, certify="none", halvings=0)
+    assert path.initial is None
+    assert all(shown.is_followed for shown in path[1:])
+    exact = [np.tan(np.arctan(0.5) - angle - shown.displacements["b"][4]) for shown in path]
+    assert path.status == "zero"
+    assert path.load_factor == pytest.approx(exact, abs=LEFT)
+
+
+@pytest.mark.usefixtures("unsettled")
+def test_explicit_steps_know_pressures_that_turn() -> None:
+    """Their lever arm about the toe stays half the height, and the weight's goes to zero."""
+    b, h, width = 0.4, 1.0, 0.5
+    wind = Pressure("b1", normal=(-1, 0, 0), pressure=1.0)
+    scene = single_block((b, width, h), friction=2.0, live=Load(pressures=[wind]))
+    path = pushover(scene, certify="none", halvings=0)
+    assert all(shown.is_followed for shown in path[1:])
+    turns = np.array([shown.displacements["b1"][4] for shown in path])
+    rest = scene.total_weight * np.hypot(b, h) / 2 * np.sin(np.arctan2(b, h) - turns)
+    exact = rest / (h * width * h / 2)
+    assert path.status == "zero"
+    assert path.load_factor == pytest.approx(exact, abs=LEFT * exact[0])
 
 
 def test_what_is_followed_says_so_wherever_its_numbers_are(path: Path) -> None:

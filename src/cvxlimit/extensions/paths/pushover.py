@@ -224,10 +224,9 @@ def pushover(
         try:
             ending = walk.walk(step, float(until), is_level, marks)
             # Where iterates do not settle explicit steps go on, until they do again. Such steps
-            # know what does not come apart, and loads that keep their direction.
+            # know what does not come apart.
             unsettled = {"not-converged", "blocked"}
-            comes_apart = walk.begin.bonds is not None and not walk.begin.bonds.lasts
-            is_at_end = initial is None or turn or comes_apart
+            is_at_end = walk.begin.bonds is not None and not walk.begin.bonds.lasts
             while ending[0] in unsettled and walk.found and not is_at_end:
                 longest, unsettled = max(longest, walk.step), {*unsettled, "falls"}
                 end = go_on(walk, float(until), is_level)
