@@ -4,9 +4,9 @@ Its doors are ``cvxlimit.commands`` (``pushover``), ``cvxlimit.readings``, ``cvx
 ``cvxlimit.files`` and ``cvxlimit.proofs``. To read: ``configuration.py`` and ``path.py``, the
 result, and ``moving.py``, its scenes; ``pairs.py``, ``points.py`` and ``bonds.py``, contacts of
 displaced blocks, cohesion and ties; ``starting.py``, where a path begins, and ``refusing.py``;
-``increment.py``, one convex step; ``following.py``, steps and snaps; ``proximal.py``, explicit
-steps where nothing comes to rest; ``pushover.py``, the call; ``proof.py`` and ``proving.py``;
-``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
+``increment.py``, one convex step; ``resting.py``, iterates of it; ``following.py``, steps and
+snaps; ``proximal.py``, explicit steps where nothing comes to rest; ``pushover.py``, the call;
+``proof.py`` and ``proving.py``; ``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
 """
 
 from cvxlimit.base.doors import Offered

@@ -69,6 +69,7 @@ def curve(path: Path, **options: Any) -> Any:
             ends = [each.bracket.lower, each.bracket.upper]
             chart.axes.plot([x, x], ends, "_-", color=Style.violet, lw=1.2, ms=9, label=label)
             label = "_"
+    chart.axes.set_xlim(left=min(0.0, chart.axes.dataLim.x0))
     proved = figures("sheet").lines_of(_PROVED, chart.size("axes.labelsize"), 0.8 * chart.width)
     chart.axes.set(xlabel="\n".join([_control(path), *proved]), ylabel="load factor")
     chart.write(_title(path))
@@ -90,6 +91,7 @@ def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[st
         d, a, period = limit.displacement, limit.acceleration, f"T = {limit.period:.3g} s"
         ax.plot([d, d, 0.0], [0.0, a, a], "--", color=colour, lw=1.0)
         ax.plot(d, a, "o", color=colour, ms=6, label=f"{name}: d = {d:.3g} {unit}, {period}")
+    ax.set_xlim(left=min(0.0, ax.dataLim.x0))
     ax.set(xlabel=f"spectral displacement ({unit})", ylabel=f"spectral acceleration ({unit}/s²)")
     end = "" if check.refused else f", d0 = {check.d0:.3g} {unit}"
     end += ", an interval" * bool(end and "by step and flow" in check.ends)
@@ -113,7 +115,6 @@ def _draw_pieces(
                 [x[start]] * 2, [y[start - 1], y[start]], ":", color=Style.red, lw=1.6, label=name
             )
     ax.axhline(0.0, color=Style.axis, lw=0.6, zorder=0)
-    ax.set_xlim(left=min(0.0, float(x.min())))
 
 
 def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
