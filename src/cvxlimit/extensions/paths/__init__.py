@@ -6,7 +6,8 @@ result, and ``moving.py``, its scenes; ``pairs.py``, ``points.py`` and ``bonds.p
 displaced blocks, cohesion and ties; ``starting.py``, where a path begins, and ``refusing.py``;
 ``increment.py``, one convex step; ``resting.py``, iterates of it; ``following.py``, steps and
 snaps; ``proximal.py``, explicit steps where nothing comes to rest; ``pushover.py``, the call;
-``proof.py`` and ``proving.py``; ``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
+``proof.py`` and ``proving.py``; ``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and
+``command.py``.
 """
 
 from cvxlimit.base.doors import Offered
