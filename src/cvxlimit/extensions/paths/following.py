@@ -67,7 +67,7 @@ slide, which change their pace as they like."""
 @dataclass(frozen=True, eq=False)
 class At:
     """A configuration (``shown``), its pose, the gap that its slips have opened (``loose``,
-    length), whether any joint slid, and the cohesion and ties that hold from there on."""
+    length), whether any joint slid, and the cohesion, ties and reactions from there on."""
 
     pose: Pose
     shown: Configuration
@@ -416,8 +416,8 @@ class Walk:
 
     def _jump(self, here: At, there: At) -> list[At] | None:
         """Returns the last configuration before a jump and the first after it, if there is one, and
-        before them those that have led there by sliding: the half in which more happens is halved
-        again. Smooth changes spread over all sixteenths."""
+        before them what has led there, if it tells: the half in which more happens is halved again.
+        Smooth changes spread over all sixteenths."""
 
         def happens(one: At, other: At) -> FloatArray:
             fall = abs(one.shown.load_factor - other.shown.load_factor)
@@ -474,6 +474,7 @@ class Walk:
 
         with suppress(ArithmeticError):
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
+        del found[here.shown.w]
         ends = [x for x in found.values() if x.shown.load_factor - until <= self.enough(x)]
         return min(ends, key=lambda x: abs(x.shown.load_factor - until))
 
