@@ -141,9 +141,17 @@ class Walk:
         associated one is also one without dilatancy, in half the time."""
         if self.has_dilatancy or not start.slides:
             found = self._associated(start, w)
-            if self.has_dilatancy or (isinstance(found, At) and not found.slides):
+            if self.has_dilatancy:
                 return found
+            if isinstance(found, At) and not found.slides:
+                loss = found.shown.points.lost(found.shown.forces) / self._work(start, w)
+                return replace(found, shown=replace(found.shown, loss=loss))
         return self._without_dilatancy(start, w)
+
+    def _work(self, start: At, w: float) -> float:
+        """Returns the live load's work from ``start`` on at the first load factor, over which
+        losses count."""
+        return abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
 
     def start(self, at: At) -> Start:
         if at.pose is self.begin.pose:
@@ -201,7 +209,7 @@ class Walk:
         forces. Where slips keep changing direction the iterate with the least loss counts."""
         begin, pose, size = self.start(start), start.pose, np.inf
         moved, best = np.zeros(len(self.scene.free)), None
-        work = abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
+        work = self._work(start, w)
         for iterate in range(1, _MANY + 1):
             points = begin.points(pose)
             push = self.loads.push(w, start.pose, pose)
