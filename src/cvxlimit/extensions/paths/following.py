@@ -362,6 +362,9 @@ class Walk:
                 self.keep(end)
                 if end.shown.load_factor >= until - self.enough(end):
                     return "zero", f"the load factor has come down to {until:g}"
+                if end.shown.w - here.shown.w <= FINEST * self.step:
+                    self.snaps.append(here.shown.w)
+                    return "zero", f"the load factor drops below {until:g} in a snap"
                 parts = (f"{x.shown.load_factor:.4g}" for x in (here, end))
                 between = "iterates between do not settle"
                 return "zero", f"the load factor falls from {' to '.join(parts)}: {between}"
