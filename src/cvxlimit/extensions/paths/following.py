@@ -137,6 +137,9 @@ class Walk(Rest):
                 self.keep(end)
                 if end.shown.load_factor >= until - self.enough(end):
                     return "zero", f"the load factor has come down to {until:g}"
+                if end.shown.w - here.shown.w <= FINEST * self.step:
+                    self.snaps.append(here.shown.w)
+                    return "zero", f"the load factor drops below {until:g} in a snap"
                 parts = (f"{x.shown.load_factor:.4g}" for x in (here, end))
                 between = "iterates between do not settle"
                 return "zero", f"the load factor falls from {' to '.join(parts)}: {between}"
@@ -201,8 +204,8 @@ class Walk(Rest):
 
     def _jump(self, here: At, there: At) -> list[At] | None:
         """Returns the last configuration before a jump and the first after it, if there is one, and
-        before them those that have led there by sliding: the half in which more happens is halved
-        again. Smooth changes spread over all sixteenths."""
+        before them what has led there, if it tells: the half in which more happens is halved again.
+        Smooth changes spread over all sixteenths."""
 
         def happens(one: At, other: At) -> FloatArray:
             fall = abs(one.shown.load_factor - other.shown.load_factor)
@@ -259,6 +262,7 @@ class Walk(Rest):
 
         with suppress(ArithmeticError):
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
+        del found[here.shown.w]
         ends = [x for x in found.values() if x.shown.load_factor - until <= self.enough(x)]
         return min(ends, key=lambda x: abs(x.shown.load_factor - until))
 

@@ -50,7 +50,7 @@ gaps; what would go farther goes on in several steps."""
 @dataclass(frozen=True, eq=False)
 class At:
     """A configuration (``shown``), its pose, the gap that its slips have opened (``loose``,
-    length), whether any joint slid, and the cohesion and ties that hold from there on."""
+    length), whether any joint slid, and the cohesion, ties and reactions from there on."""
 
     pose: Pose
     shown: Configuration
@@ -122,9 +122,17 @@ class Rest:
         associated one is also one without dilatancy, in half the time."""
         if self.has_dilatancy or not start.slides:
             found = self._associated(start, w)
-            if self.has_dilatancy or (isinstance(found, At) and not found.slides):
+            if self.has_dilatancy:
                 return found
+            if isinstance(found, At) and not found.slides:
+                loss = found.shown.points.lost(found.shown.forces) / self._work(start, w)
+                return replace(found, shown=replace(found.shown, loss=loss))
         return self._without_dilatancy(start, w)
+
+    def _work(self, start: At, w: float) -> float:
+        """Returns the live load's work from ``start`` on at the first load factor, over which
+        losses count."""
+        return abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
 
     def start(self, at: At) -> Start:
         if at.pose is self.begin.pose:
@@ -176,7 +184,7 @@ class Rest:
         forces. Where slips keep changing direction the iterate with the least loss counts."""
         begin, pose, size = self.start(start), start.pose, np.inf
         moved, best = np.zeros(len(self.scene.free)), None
-        work = abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
+        work = self._work(start, w)
         for iterate in range(1, _MANY + 1):
             points = begin.points(pose)
             push = self.loads.push(w, start.pose, pose)
