@@ -20,6 +20,7 @@ from cvxlimit.base.checks import meant, of_type
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import (
+    ANY_FINITE,
     LARGEST_NUMBER,
     FilePath,
     JsonObject,
@@ -67,6 +68,7 @@ def plain(
 
 TEXT = plain(text, {"type": "string"})
 NUMBER = plain(number, {"type": "number"})
+FINITE = plain(lambda value, where: number(value, where, ANY_FINITE), {"type": "number"})
 WHOLE = plain(whole, {"type": "integer", "minimum": 0}, lambda value, _: int(value))
 
 

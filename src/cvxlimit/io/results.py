@@ -15,6 +15,7 @@ from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.io.fields import ANY_FINITE, FilePath, JsonObject, number, shown
 from cvxlimit.io.forms import (
+    FINITE,
     TEXT,
     Document,
     Form,
@@ -154,11 +155,7 @@ def _rows(entries: list[tuple[float, ...]]) -> FloatArray:
     return np.array(entries, dtype=float).reshape(-1, len(COMPONENTS))
 
 
-NUMBERS = listed(
-    plain(lambda x, where: number(x, where, ANY_FINITE), {"type": "number"}),
-    "internal force {i}",
-    lambda forces: np.array(forces, dtype=float),
-)
+NUMBERS = listed(FINITE, "internal force {i}", lambda forces: np.array(forces, dtype=float))
 
 SCENE_DIGEST = Form(
     lambda value, *place: {"scene_digest": TEXT.read(value, *place)},

@@ -12,15 +12,9 @@ from cvxlimit.extensions.paths.configuration import Configuration, Flow, Points
 from cvxlimit.extensions.paths.path import Ending, Work, other_than
 from cvxlimit.extensions.paths.path import Path as Displacements
 from cvxlimit.extensions.paths.starting import begun
-from cvxlimit.io.fields import (
-    ANY_FINITE,
-    FilePath,
-    JsonObject,
-    number,
-    refusals,
-    shown,
-)
+from cvxlimit.io.fields import ANY_FINITE, FilePath, JsonObject, refusals, shown
 from cvxlimit.io.forms import (
+    FINITE,
     FLAG,
     TEXT,
     WHOLE,
@@ -30,7 +24,6 @@ from cvxlimit.io.forms import (
     choice,
     listed,
     nullable,
-    plain,
     record,
     row,
     together,
@@ -83,7 +76,6 @@ def _rows_of(c: Configuration, *place: str) -> Any:
 _POINTS: JsonObject = {"anyOf": [_ROWS.schema, _BOUND_ROWS.schema]}
 
 
-FINITE = plain(lambda value, where: number(value, where, ANY_FINITE), {"type": "number"})
 BRACKET = record(
     Bracket,
     {

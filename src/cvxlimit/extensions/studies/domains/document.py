@@ -120,5 +120,11 @@ def read_domain(path: FilePath) -> LoadDomain:
 
 
 def write_domain(domain: LoadDomain, path: FilePath) -> None:
-    """Write a domain with all its solutions as JSON; the file is complete or untouched."""
+    """Write a domain with all its solutions as JSON; the file is complete or untouched.
+
+    Raises
+    ------
+    InputError
+        If it is no load domain, or the file cannot be written.
+    """
     DOMAIN.write(domain, path)
