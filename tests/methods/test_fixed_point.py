@@ -9,7 +9,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Load, Scene, builtin_scene, solve
+from cvxlimit import Block, Load, PointForce, Reaction, Scene, Tie, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extensions.blockcone.interior import Point
 from cvxlimit.io.results import result_from_dict, result_to_dict
@@ -286,6 +286,66 @@ def test_least_forces_and_epsilon_bring_the_tuff_walls_ends_together() -> None:
 def test_refused_negative_settings(setting: str) -> None:
     with pytest.raises(InputError, match=f"{setting} must be finite and not negative"):
         FixedPoint(**{setting: -1e-3})
+
+
+def pushed_off_its_middle(
+    reactions: tuple[Reaction, ...] = (), ties: tuple[Tie, ...] = ()
+) -> Scene:
+    """A block of weight 20 that a force of 4 alpha bends, twists and slides."""
+    ground = Block.box("ground", (-3, -1, -1), (5, 2, 0))
+    block = Block.box("b", (0, 0, 0), (1, 1, 1), density=20.0)
+    push = Load(points=[PointForce("b", (0.0, 0.8, 0.6), (4.0, 0.0, 0.0))])
+    blocks = [ground, block]
+    return Scene(blocks, ["ground"], push, friction=0.5, reactions=reactions, ties=ties)
+
+
+@pytest.mark.parametrize("moments", ["independent", "signed", "signed-torsion-bending", "paper"])
+@pytest.mark.parametrize("cone", [Conic(), Facets.circumscribed(8)], ids=str)
+def test_a_force_against_the_push_takes_its_bound_off(moments: str, cone: Cone) -> None:
+    """On the push's own line only 4 alpha - r counts, so that every iterate is that without it and
+    most / 4. To 1e-6: each is solved to 1e-8 or so of a total load near 30."""
+    rule = FixedPoint(moments=moments, max_iterations=8, old_value_weight=0.5)
+    bare = solve(pushed_off_its_middle(), cone, rule)
+    # eccentricities count: without interaction more is carried
+    assert bare.load_factor < 0.99 * bare.history[0].load_factor
+    at, back = (1.0, 0.8, 0.6), (-1.0, 0.0, 0.0)
+    for most in (1.0, 3.0):
+        held = (
+            pushed_off_its_middle((Reaction("b", at, back, most),)),
+            pushed_off_its_middle((Reaction("b", at, back, most, -2.0),)),
+            pushed_off_its_middle(ties=(Tie("ground", "b", (-2, 0.8, 0.6), (0, 0.8, 0.6), most),)),
+        )
+        for scene in held:
+            found = solve(scene, cone, rule)
+            for own, other in zip(found.history, bare.history, strict=False):
+                expected = other.load_factor + most / 4.0
+                assert own.load_factor == pytest.approx(expected, rel=1e-6)
+            assert not found.bracket.has_any
+            forces = found.forces[scene.contacts.is_point]
+            assert not np.delete(forces, 2, axis=1).any()
+            assert forces[:, 2].sum() == pytest.approx(-most if scene.ties else most, rel=1e-6)
+
+
+@pytest.mark.parametrize("moments", ["independent", "signed", "paper"])
+@pytest.mark.parametrize("cone", [Conic(), Facets.circumscribed(8)], ids=str)
+def test_patched_rows_with_reactions(moments: str, cone: Cone) -> None:
+    """Points have no row of Eq. 32; pressed at their centres, the others obey Eq. 24, which is the
+    convex method's. Solved to 1e-8 and 1e-9."""
+    wall = random_wall(1)
+    top = wall.blocks[int(wall.free[-1])]
+    prop = Reaction(top.id, tuple(top.centroid), (-1.0, 0.2, 0.0), top.weight, -0.5 * top.weight)
+    scene = replace(wall, reactions=(prop,))
+    plain = solve(scene, cone)
+    frozen = FrozenProblem(scene, cone, parse_moments(moments))
+    for share in (0.0, 1.0):
+        pressed = plain.forces * [1, 1, 1, share, share, 1]
+        frozen.set_pressure(Pressure.of(pressed, scene.contacts))
+        assert_same_rows(frozen.problem)
+        names = (*(own.name for own in blockwise()), "CLARABEL")
+        found = [frozen.problem.run(settings_for(name, 1e-8)).load_factor for name in names]
+        assert found[0] == pytest.approx(found[-1], rel=1e-6, abs=1e-6)
+        if not share:
+            assert found[-1] == pytest.approx(plain.load_factor, rel=1e-6)
 
 
 @pytest.mark.parametrize("moments", ["independent", "signed", "paper"])

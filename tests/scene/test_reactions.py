@@ -94,11 +94,15 @@ class TestByHand:
         with pytest.raises(InputError, match="needs a ground that stays"):
             settlement(scene, "p", (0, 0, -1))
 
-    @pytest.mark.parametrize("method", ["certified", "fixed-point"])
-    def test_methods_that_need_a_pressure_centre_say_so(self, method: str) -> None:
+    def test_the_certified_bracket_says_why_not(self) -> None:
         scene = propped(Reaction("b", (1, 0.5, 0.8), (-1, 0, 0), 3.0))
-        with pytest.raises(ModelError, match="no reactions, which have no pressure centre"):
-            solve(scene, method=method)
+        with pytest.raises(ModelError, match=r"bounds its proof would .* method 'fixed-point'"):
+            solve(scene, method="certified")
+
+    def test_the_fixed_point_refuses_what_pushes_at_least_so_much(self) -> None:
+        scene = propped(Reaction("b", (1, 0.5, 0.8), (-1, 0, 0), 3.0, 1.0))
+        with pytest.raises(ModelError, match="no reactions that push at least so much"):
+            solve(scene, method="fixed-point")
 
     def test_exact_torsion_and_no_dilatancy_take_them(self) -> None:
         scene = propped(Reaction("b", (1, 0.5, 0.5), (-1, 0, 0), 3.0))

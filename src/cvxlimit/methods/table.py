@@ -31,8 +31,9 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
         ),
         "reactions": (
             lambda run: run.contacts.is_point.any(),
-            "knows no ties and no reactions, which have no pressure centre: leave them out, or "
-            "give their force as a point load",
+            "knows no ties and no reactions, whose bounds its proof would have to scale: leave "
+            "them out, give their force as a point load, or take method 'fixed-point', which has "
+            "no bracket",
         ),
         "cohesion": (
             lambda run: np.any(run.given.contacts.cohesion),
@@ -40,8 +41,9 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
         ),
         "strength": (
             lambda run: run.mortar or np.isfinite(run.contacts.compressive_strength).any(),
-            "knows no strength of stone or mortar: leave compressive_strength and "
-            "tensile_strength out of the scene",
+            "knows no strength of stone or mortar, and no reactions that push at least so much: "
+            "leave compressive_strength and tensile_strength out of the scene, and give what is "
+            "pushed at least as a point load",
         ),
     }
 )

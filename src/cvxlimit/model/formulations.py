@@ -202,7 +202,7 @@ class ForceModel:
             for name in [name for name in form if name not in {**forces, **forces.parts}]:
                 forces[name] = into.new(size, name)
             if form:
-                force = express(form, forces)
+                force = express(form, forces, None if size == self.count else part.contact)
                 internal.append(force / unit)
             else:
                 internal.append(into.new(size, part.name, part.nonneg))

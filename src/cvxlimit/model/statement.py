@@ -174,6 +174,8 @@ class Statement:
             if own is None or not own.components.keys() <= model.start.keys() - components.keys():
                 plain.append(surface)
             else:
+                if len(faces := model.contacts.faces) < model.count:
+                    own = own.on_faces(faces)
                 components |= own.components
                 written += [(surface.name, condition, surface.cone) for condition in own.conditions]
         return components, [*model.strength(plain), *written]

@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from typing import Any, ClassVar, TypeAlias
 
@@ -101,14 +102,9 @@ class Condition:
         if self.contact is not None:
             return self
 
-        def of(coefficient: Any) -> Any:
-            return coefficient if np.ndim(coefficient) == 0 else coefficient[faces]
-
-        def rows(form: LinearForm) -> LinearForm:
-            return {name: of(c) for name, c in form.items()}
-
-        norms = [Norm(*map(rows, n.rows), weight=of(n.weight)) for n in self.norms]
-        return Condition(norms, rows(self.resistance), faces)
+        at = partial(_on_faces, faces=faces)
+        norms = [Norm(*map(at, n.rows), weight=at({"": n.weight})[""]) for n in self.norms]
+        return Condition(norms, at(self.resistance), faces)
 
     def recession(self) -> Condition:
         """The condition without its constants: the directions in which forces may grow."""
@@ -126,6 +122,11 @@ class Unknowns:
 
     components: Mapping[str, LinearForm]
     conditions: Sequence[Condition]
+
+    def on_faces(self, faces: IntArray) -> Unknowns:
+        """These with one of each per face: points have none but bounds."""
+        components = {name: _on_faces(form, faces) for name, form in self.components.items()}
+        return Unknowns(components, [condition.on_faces(faces) for condition in self.conditions])
 
 
 class YieldSurface(ABC):
@@ -380,6 +381,13 @@ def slip_resistance(contacts: Contacts) -> LinearForm:
     if is_some(contacts.cohesion):
         friction[CONSTANT] = product(contacts.cohesion, contacts.area)
     return friction
+
+
+def _on_faces(form: LinearForm, faces: IntArray) -> LinearForm:
+    def of(coefficient: Any) -> Any:
+        return coefficient if np.ndim(coefficient) == 0 else coefficient[faces]
+
+    return {name: of(coefficient) for name, coefficient in form.items()}
 
 
 def _plain(form: LinearForm) -> LinearForm:
