@@ -120,7 +120,7 @@ def assert_keeps_the_laws(path: Path) -> None:
                 assert shown.load_factor <= shown.bracket.upper + left
 
 
-@pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 32))])
+@pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 30))])
 def test_every_path_arrives(seed: int) -> None:
     scene = drawn(seed)
     flow = ("associated", "zero-dilatancy")[seed // len(KINDS) % 2]
