@@ -139,12 +139,13 @@ class ConvexSearch:
         """Sets the problem with the smallest model. Parts without live load are left out of it only
         if ``dead_state``, forces (n, 6) that carry the dead load, shows that they stand."""
         run, reductions = self.run, self.reductions
+        if self._given is not None:
+            self.problem = self._given
+            return
         with run.clock.phase("compile"):
             reduction = reductions.best(dead_state)
             run.reductions = reduction.names
-            self.problem = self._given or LimitProgram(
-                reductions.assemblage, run.surfaces, reduction=reduction
-            )
+            self.problem = LimitProgram(reductions.assemblage, run.surfaces, reduction=reduction)
 
     @property
     def ladder(self) -> Sequence[SolverSettings]:

@@ -27,7 +27,7 @@ from cvxlimit.model.statement import LARGEST_FACTOR, Goal, LargestFactor, Stated
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Reference
-from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
+from cvxlimit.solvers import Ladder, LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
@@ -98,6 +98,7 @@ class LimitProgram(Changeable):
         super().__init__(given, surfaces, formulation, reduction, goal)
         self.reference: Reference | None = None  # of the last bracket, for the next
         self.strengths = dict[Hashable, Any]()  # see Assemblage: at all values of the Parameters
+        self._ladders = dict[tuple[Shape, float], Ladder]()
         self._ready: ConeProgram | None = None  # rows that come from another problem
 
     @cached_property
@@ -176,8 +177,12 @@ class LimitProgram(Changeable):
         return written.at(written.theta.values())
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
-        """Solvers in the order in which to try them for a bracket within ``tolerance``."""
-        return limit_ladder(self.shape, tolerance)
+        """Solvers in the order in which to try them for a bracket within ``tolerance``, the same
+        at every value of the Parameters."""
+        asked = self.shape, tolerance
+        if asked not in self._ladders:
+            self._ladders[asked] = limit_ladder(*asked)
+        return self._ladders[asked]
 
     @cached_property
     def shape(self) -> Shape:

@@ -283,15 +283,14 @@ class Certifier:
             return _Bound(-np.inf, False, errors)
 
         # Without a dead-load state, what is violated is weighted by the largest rate.
-        residual = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
         excess = self.strength.excess(x)
-        violated = residual.sum() + sum(float(np.maximum(y, 0.0).sum()) for y in excess)
-        error = violated * REFERENCE * rate if violated > 0.0 else 0.0
-        assumed = alpha - error if np.isfinite(error) else -np.inf
         dead_state, dead_factor = self.witnesses.dead_state, self.witnesses.factor
         is_balanced = self.is_balanced(x, alpha)
         if dead_state is None or not (is_balanced and self.is_balanced(dead_state, dead_factor)):
-            return _Bound(assumed, False, errors)
+            residual = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
+            violated = residual.sum() + sum(float(np.maximum(y, 0.0).sum()) for y in excess)
+            error = violated * REFERENCE * rate if violated > 0.0 else 0.0
+            return _Bound(alpha - error if np.isfinite(error) else -np.inf, False, errors)
 
         # The least share t of the dead-load state that brings the mixture inside all surfaces. That
         # of crushing is convex where rocking holds: it is asked again of that mixture.

@@ -74,28 +74,25 @@ def blockwise(
     row = SOLVERS.get("BLOCKWISE")
     if row is None or row.lacks:
         return ()
-    return (settings_for(row.name, tolerance, label, iterations=iterations),)
+    return (row.at(tolerance, label, iterations),)
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
     """Returns solvers in order: Clarabel, Clarabel in units of its own answer, which weights far
     apart need, Clarabel at tighter tolerances, and every other installed solver that takes the
     problem."""
-    ladder = [
-        settings_for("CLARABEL"),
+    clarabel = SOLVERS["CLARABEL"]
+    others = [row for row in SOLVERS.values() if row.is_tried and row.name in installed()]
+    return (
+        clarabel.at(),
         settings_for("RESCALED", None, "CLARABEL rescaled"),
         *(settings_for("RESCALED", None, f"{own} rescaled", first=str(own)) for own in blockwise()),
-        settings_for(
-            "CLARABEL", 1e-13, "CLARABEL tight",
-            iterations=500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50,
+        clarabel.at(
+            1e-13, "CLARABEL tight", 500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50
         ),
-        settings_for(
-            "CLARABEL", 1e-12, "CLARABEL unequilibrated", iterations=500, equilibrate_enable=False
-        ),
-    ]  # fmt: skip
-    others = [row for row in SOLVERS.values() if row.is_tried and row.name in installed()]
-    ladder += [settings_for(row.name) for row in others if row.has_cones or not is_conic]
-    return tuple(ladder)
+        clarabel.at(1e-12, "CLARABEL unequilibrated", 500, equilibrate_enable=False),
+        *(row.at() for row in others if row.has_cones or not is_conic),
+    )
 
 
 def ladder_of(
