@@ -85,9 +85,8 @@ def scene_named(name: str) -> Scene:
         return builtin_scene(name)
     looks_like_file = Path(name).suffix or Path(name).name != name
     if looks_like_file or os.path.exists(name):
-        if Path(name).suffix.lower() in {*Door("cvxlimit.readers")} - {".json"} and os.path.isfile(
-            name
-        ):
+        geometry = {*Door("cvxlimit.readers")} - {".json"}
+        if Path(name).suffix.lower() in geometry and os.path.isfile(name):
             raise InputError(f"{name}: this is geometry: cvxlimit import makes a scene of it")
         return read_scene(name)
     cure = meant(name, BUILTIN, "cvxlimit scenes lists the built-in ones")
@@ -276,8 +275,7 @@ class Order:
                 "--branching-seconds S above 0, or leave that out"
             )
         own: Any = {"branching_seconds": self.branching_seconds, "workers": self.workers}
-        asked = TABLE[self.method](**own)
-        return {**given, "method": asked}
+        return {**given, "method": TABLE[self.method](**own)}
 
 
 @command_of(
@@ -439,11 +437,9 @@ def show_command(asked: Drawing) -> ExitCode:
         load, resultant = getattr(scene, case), getattr(scene, f"{case}_forces")[:, :3].sum(axis=0)
         small = abs(resultant) <= 1e-9 * abs(resultant).max()
         x, y, z = (0.0 if zero else value for value, zero in zip(resultant, small, strict=True))
-        pressures = len(load.pressures)
-        rows += [
-            (f"{case} load", f"{x:.6g}, {y:.6g}, {z:.6g} {scene.units.force} in all"
-             + (f", {counted(pressures, 'pressure')}" if pressures else ""))
-        ]  # fmt: skip
+        text = f"{x:.6g}, {y:.6g}, {z:.6g} {scene.units.force} in all"
+        pressures = f", {counted(len(load.pressures), 'pressure')}" if load.pressures else ""
+        rows.append((f"{case} load", text + pressures))
     rows += written
     if asked.plot is None:
         rows.append(("to see it", "open that file in a browser"))

@@ -50,9 +50,6 @@ from cvxlimit.surfaces.coulomb import needed_surfaces
 LOOSE = 0.1
 """Tolerance of the first solver for a load alone: whether it stands shows far from the optimum."""
 
-_Ends = Generator[None, None, Status | None]
-"""As Steps, but None where no solver settled it."""
-
 
 def dead_load_falls(run: Run) -> bool:
     """True if the dead load cannot stand; see :func:`standing`."""
@@ -228,8 +225,8 @@ class ConvexSearch:
         self.reference = state, factor
         self.certifier.offer_dead_state(state, factor)
 
-    def _solvers_in_turn(self) -> _Ends:
-        """Tries the ladder until a solver settles how it ends."""
+    def _solvers_in_turn(self) -> Generator[None, None, Status | None]:
+        """Tries the ladder until a solver settles how it ends; None where none does."""
         is_cut, stalled = False, set[str]()
         for settings in self.ladder:
             # with a bracket in hand, leave out what would not narrow it, or not in time
