@@ -47,14 +47,17 @@ class LimitProgram(Changeable):
     Parameters
     ----------
     scene : Scene or Assemblage
-    surface, friction, cohesion, compressive_strength, tensile_strength, live, dead, weights, most
-        As :class:`~cvxlimit.LimitProblem` takes them, and ``least``.
+    surface
+        As :class:`~cvxlimit.LimitProblem` takes it.
     formulation : callable
         :func:`corner_compressions` (default), :func:`resultants`, or one of your own.
     reduction : Reduction or None
         A smaller model, with a formulation of its own.
     goal : callable
         What is maximised, stated to either sink; the load factor by default.
+    values
+        In place of the scene's, by the names that :class:`~cvxlimit.LimitProblem` has for them:
+        ``friction`` and so on.
 
     Raises
     ------
@@ -75,26 +78,13 @@ class LimitProgram(Changeable):
         scene: Scene | Assemblage,
         surface: str | Cone | Sequence[YieldSurface] = "conic",
         *,
-        friction: Any = None,
-        cohesion: Any = None,
-        compressive_strength: Any = None,
-        tensile_strength: Any = None,
-        live: Any = None,
-        dead: Any = None,
-        weights: Any = None,
-        most: Any = None,
-        least: Any = None,
         formulation: Formulation = corner_compressions,
         reduction: Reduction | None = None,
         goal: Goal = LARGEST_FACTOR,
+        **values: Any,
     ) -> None:
-        joints = {
-            "friction": friction, "cohesion": cohesion, "tensile_strength": tensile_strength,
-            "compressive_strength": compressive_strength,
-        }  # fmt: skip
         surfaces, self.surface = surfaces_of(surface)
-        loads, bounds = {"dead": dead, "live": live}, {"most": most, "least": least}
-        given = Given.of(scene, joints, loads, weights, bounds)
+        given = Given.of(scene, values)
         super().__init__(given, surfaces, formulation, reduction, goal)
         self.reference: Reference | None = None  # of the last bracket, for the next
         self.strengths = dict[Hashable, Any]()  # see Assemblage: at all values of the Parameters
