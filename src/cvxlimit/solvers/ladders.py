@@ -34,10 +34,9 @@ class LadderNumbers:
     finest: float = 1e-10
     refinements: int = 20  # ... which it refines in at most so many rounds.
     # Tolerance of forces that count to 1e-9 of the load, of fixed-point iterates by Clarabel, and
-    # of the blockwise solver on fewer variables than ``few``. There digits are cheap and Clarabel
-    # comes next: contacts of weak stone may be too large for the blockwise solver.
+    # of the blockwise solver on small problems. There digits are cheap and Clarabel comes next:
+    # contacts of weak stone may be too large for the blockwise solver.
     tight: float = 1e-9
-    few: int = 1000
     tight_iterations: int = 100  # Most iterations at that tolerance.
     # Tolerance of nodes of branch and bound, and of fixed-point iterates by the solver that starts
     # warm, ...
@@ -57,13 +56,13 @@ class LadderNumbers:
     steps: float = 5e-6  # Tolerance of safe steps by the solver that starts warm, ...
     steps_from: int = 200  # ... which comes first from so many contacts on.
     enough: float = 1 / 3  # Gap of the blockwise solver, over the width of the bracket asked for.
-    tiny: int = 100  # Variables up to which Clarabel comes first in any case.
 
 
 NUMBERS = LadderNumbers()
 
 BLOCKWISE_FROM = {"conic": 100, "facets": 500, "lean": 1_000}
-"""From how many variables on the blockwise solver comes first, by the kind of problem."""
+"""From how many variables on the blockwise solver comes first, by the kind of problem. From the
+most of them on a problem is large; up to the fewest it is tiny, and Clarabel comes before QOCO."""
 
 
 def blockwise(
@@ -253,15 +252,16 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
     if own and shape.variables >= BLOCKWISE_FROM[kind]:
         # Its iterates satisfy equilibrium and are strictly inside, so that its gap is the bracket.
         asked, tight = NUMBERS.enough * tolerance, replace(own[0], label="BLOCKWISE tight")
-        if shape.variables >= max(NUMBERS.few, BLOCKWISE_FROM[kind]):
+        if shape.variables >= max(BLOCKWISE_FROM.values()):
             return (*blockwise(asked), tight, first, *others)
         return (*blockwise(min(asked, NUMBERS.tight)), first, tight, *others)
     # Smaller ones without QOCO, or with a bracket that it often fails to reach: Clarabel first.
     if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.leading)):
         return (first, *own, *others)
-    # Others: QOCO first, unless the problem is tiny.
+    # Others: QOCO first, unless the problem is tiny: there it opens strong stone where Clarabel
+    # fails.
     lean = NUMBERS.finest if kind == "lean" else None
-    if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
+    if shape.variables <= BLOCKWISE_FROM["conic"]:
         return (first, settings_for("QOCO", lean), *own, *others)
     refined: dict[str, Any] = {"ir_tol": NUMBERS.finest, "max_ir_iters": NUMBERS.refinements}
     quick = settings_for("QOCO", lean, **refined)
