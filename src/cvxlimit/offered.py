@@ -12,6 +12,9 @@ OFFERED: Offered = {
         "exact": "cvxlimit.methods.exact_friction:ExactFriction",
         "fixed-point": "cvxlimit.methods.fixed_point:FixedPoint",
     },
+    "cvxlimit.surfaces": {
+        "parabolic": "cvxlimit.surfaces.coulomb:PARABOLIC_SURFACES",
+    },
     "cvxlimit.commands": {
         "solve": "cvxlimit.cli.solving:solve_command",
         "explain": "cvxlimit.cli.solving:explain_command",

@@ -59,11 +59,12 @@ def test_a_constant_in_the_wrong_place(condition: Condition, message: str) -> No
 
 def test_a_named_surface_is_no_polygon(monkeypatch: pytest.MonkeyPatch) -> None:
     """A new name is known everywhere, and methods that state friction themselves refuse it."""
-    monkeypatch.setattr(coulomb, "NAMED", {"untwisted": (Rocking(), Sliding())})
-    monkeypatch.setattr("cvxlimit.methods.table.NAMED", coulomb.NAMED)
+    monkeypatch.setitem(coulomb.SURFACES, "untwisted", (Rocking(), Sliding()))  # type: ignore[arg-type]
     scene = single_block(friction=0.3)
     found = solve(scene, surface="untwisted")
     assert found.surface == "untwisted"
     assert found.load_factor == pytest.approx(0.3, rel=1e-6)  # it slides before it rocks
     with pytest.raises(ModelError):
         solve(scene, surface="untwisted", method="fixed-point")
+    with pytest.raises(ModelError, match=r"'untwisted'.*did you mean 'untwisted'"):
+        solve(scene, surface="untwised")

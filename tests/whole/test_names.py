@@ -12,13 +12,13 @@ import pytest
 
 from cvxlimit.methods.table import TABLE, MethodName
 from cvxlimit.readings.named import MOMENTS, MomentsName
-from cvxlimit.surfaces.coulomb import NAMED, SurfaceName, surfaces_of
+from cvxlimit.surfaces.coulomb import SURFACES, SurfaceName, surfaces_of
 
 
 def test_names_are_those_of_the_tables() -> None:
     assert set(TABLE) <= set(get_args(MethodName))
     assert get_args(MomentsName) == tuple(MOMENTS)
-    assert set(NAMED) < set(get_args(SurfaceName))
+    assert set(SURFACES) < set(get_args(SurfaceName))
     for name in get_args(SurfaceName):
         assert surfaces_of(name)[1] == re.sub("^8-gon", "octagon", name)
 

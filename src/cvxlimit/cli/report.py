@@ -157,8 +157,9 @@ def show(*renderables: RenderableType) -> None:
     sys.stdout.flush()
 
 
-def summary(solution: Solution, files: Sequence[str]) -> Table:
-    """The verdict, in short rows for somebody who reads three lines."""
+def summary(solution: Solution, files: Sequence[str], other: Solution | None = None) -> Table:
+    """The verdict, in short rows for somebody who reads three lines; ``other`` is without
+    dilatancy."""
     told = said(solution)
     verdict = Text(told.value, style="bold").append(f"   {told.standing}", _style(solution))
     rows: list[tuple[str, str | Text]] = [(solution.quantity, verdict)]
@@ -167,7 +168,9 @@ def summary(solution: Solution, files: Sequence[str]) -> Table:
     rows += [(name, Text(row, style="yellow")) for name, row in told.rows]
     if solution.lumped is not None and solution.lumped.is_worth_a_word:
         rows.append(("geometry", Text(solution.lumped.row, style="yellow")))
-    if told.option and solution.quantity == LOAD_FACTOR:
+    if other is not None:
+        rows.append(("without", f"{said(other).value} if sliding opens no joint: {other.standing}"))
+    elif told.option and solution.quantity == LOAD_FACTOR:
         rows.append(("report", f"{told.report}: {told.option}{_time(solution, told.method)}"))
     return facts([*rows, *(("written", file) for file in files)])
 

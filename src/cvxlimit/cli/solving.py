@@ -137,7 +137,13 @@ class Files:
             raise InputError(f"--plot {text}: there is no picture {kind!r}; {hint}")
         return found
 
-    def write(self, scene: Scene, solution: Solution) -> Iterator[Path]:
+    def without(self, scene: Scene, solution: Solution) -> Solution | None:
+        """What leads the report, where it is asked for and not the solution itself."""
+        if self.report is None or not self.without_dilatancy or solution.flow != "associated":
+            return None
+        return solve(scene, solution.surfaces, method="zero-dilatancy")
+
+    def write(self, scene: Scene, solution: Solution, other: Solution | None) -> Iterator[Path]:
         if self.is_piped:
             typer.echo(encoded(result_to_dict(solution)), nl=False)
         elif self.json is not None:
@@ -153,9 +159,6 @@ class Files:
         if self.export is not None:
             yield from export(scene, self.export, solution)
         if self.report is not None:
-            other = None
-            if self.without_dilatancy and solution.flow == "associated":
-                other = solve(scene, solution.surfaces, method="zero-dilatancy")
             yield solution.of(scene).report(self.report, without_dilatancy=other)
 
 
@@ -168,13 +171,14 @@ def _drawn(kind: str, scene: Scene, solution: Solution, path: Path) -> Sequence[
 def deliver(
     scene: Scene, name: str, solution: Solution, files: Files, tolerance: float | None = None
 ) -> ExitCode:
-    written: list[str] = []
+    written, other = list[str](), None
     try:
-        written.extend(str(path) for path in files.write(scene, solution))
+        other = files.without(scene, solution)
+        written.extend(str(path) for path in files.write(scene, solution, other))
     finally:  # hours of work are shown even if the disk is full by now
         origin = "built-in" if name in BUILTIN else name
         with redirect_stdout(sys.stderr) if files.is_piped else nullcontext():
-            show(summary(solution, written))
+            show(summary(solution, written, other))
             if VOICE.get() > 0:
                 show(Text(), details(solution, origin, tolerance))
     warn_of_geometry(scene)

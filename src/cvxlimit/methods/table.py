@@ -15,7 +15,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Method, Run
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.coulomb import NAMED, PARABOLIC
+from cvxlimit.surfaces.coulomb import PARABOLIC, SURFACES
 
 MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy"]
 """Names for type checkers: those of :data:`TABLE`."""
@@ -58,9 +58,11 @@ def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str,
     if isinstance(asked, str) or not isinstance(asked, Method):
         check_choice("method", asked, TABLE)
         asked = TABLE[asked]()
-    kind = "facets" if isinstance(surface, (str, Cone)) and surface not in NAMED else "own"
+    kind = "own"
     if str(surface) in ("conic", PARABOLIC):
         kind = str(surface)
+    elif isinstance(surface, Cone) or (isinstance(surface, str) and surface not in SURFACES):
+        kind = "facets"
     if kind not in asked.surfaces:
         takes = [name for name, method in TABLE.items() if kind in method.surfaces]
         raise ModelError(

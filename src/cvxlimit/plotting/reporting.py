@@ -23,9 +23,8 @@ from cvxlimit.plotting.registry import figures
 from cvxlimit.results.movement import motion
 from cvxlimit.scene import Load, Scene
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
-from cvxlimit.solution.bracket import rounded_down, rounded_up
 from cvxlimit.solution.kinematics import ContactKind
-from cvxlimit.solution.said import basis_of, said
+from cvxlimit.solution.said import basis_of, ends, said
 
 LONGEST, LONGEST_NAME, MOST_NAMES, MOST_ROWS, MOST_BLOCKS = 600, 40, 6, 12, 20_000
 """Largest numbers of characters of a sentence and of a name, of names in a list, and of rows of a
@@ -55,7 +54,7 @@ def report(
         ("Structure", _table(_structure(scene))),
         ("Loads", _table(_loads(scene, solution))),
         ("Joints", _table(_joints(scene))),
-        ("Assumptions", _list(_assumptions(scene, solution))),
+        ("Assumptions", _list(_assumptions(scene, solution, without_dilatancy))),
         ("Mechanism", _table(_mechanism(scene, falling))),
         *((name, _shown(value)) for name, value in extras.items() if value is not None),
         ("How it was found", _table(_found(solution, digest))),
@@ -83,7 +82,7 @@ def _result(solution: Solution, without: Solution | None) -> Rows:
     whose = "bracket" if without is None else "its bracket"
     for name, bracket in ((whose, solution.bracket), ("lower end", end and end.bracket)):
         if bracket and bracket.has_both:
-            low, high = rounded_down(bracket.lower, 6), rounded_up(bracket.upper, 6)
+            low, high = ends(bracket)
             yield name, f"between {low} and {high}{unit}, relative width {bracket.width:.1e}"
     yield "status", first.standing
     if basis := basis_of(first):
@@ -238,14 +237,19 @@ def _joints(scene: Scene) -> Rows:
         yield what.replace("_", " "), text
 
 
-def _assumptions(scene: Scene, solution: Solution) -> Iterator[str]:
+def _assumptions(scene: Scene, solution: Solution, without: Solution | None) -> Iterator[str]:
     """Yields the assumptions behind the answer, a sentence each."""
     yield "Blocks are rigid; the geometry is that before any movement, and joints are plane."
     if not np.any(scene.contacts.tensile_strength):
         yield "Joints bear no tension."
     if np.isinf(scene.contacts.compressive_strength).all():
         yield "Stone does not crush."
-    if solution.flow == "associated":
+    if without is not None:
+        yield (
+            "Sliding obeys Coulomb's law: without dilatancy in the number that leads, for which "
+            "there is no single answer; with dilatancy (associated flow) in its upper limit."
+        )
+    elif solution.flow == "associated":
         yield (
             "Sliding obeys Coulomb's law with dilatancy (associated flow): joints open as they "
             "slide, and where they do the load factor is an upper bound of what Coulomb friction "

@@ -157,7 +157,7 @@ class Sensitivity:
         if count:
             return (
                 f"{basis}; {count} slopes differ upwards and downwards, as the forces are not "
-                "unique: what is said of one joint lies between the two (both_sides has both)"
+                "unique: what is said of one joint lies between the two"
             )
         return basis
 

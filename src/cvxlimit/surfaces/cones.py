@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -236,8 +236,9 @@ def _between(into: Sink, bound: Any, rows: Sequence[Any]) -> None:
     into.nonneg(bound + rows[0])
 
 
-def parse_cone(name: str) -> Cone:
-    """``"conic"``, ``"octagon"``, ``"16-gon"`` or ``"16-gon-inscribed"`` as a cone.
+def parse_cone(name: str, others: Iterable[str] = ()) -> Cone:
+    """``"conic"``, ``"octagon"``, ``"16-gon"`` or ``"16-gon-inscribed"`` as a cone; ``others`` are
+    names that are none, and that a refusal tells besides.
 
     Raises
     ------
@@ -255,9 +256,9 @@ def parse_cone(name: str) -> Cone:
     if match is None:
         known = [f"{cone}{side}" for cone in ("octagon", "16-gon") for side in ("", "-inscribed")]
         raise ModelError(
-            "surface must be 'conic', 'parabolic', 'octagon' or 'K-gon' (say '16-gon'), "
-            f"with '-inscribed' for the safe side, got {name!r}"
-            + meant(name, ["conic", "parabolic", *known], before="; ")
+            f"surface must be {', '.join(map(repr, ['conic', *others]))}, 'octagon' or 'K-gon' "
+            f"(say '16-gon'), with '-inscribed' for the safe side, got {name!r}"
+            + meant(name, ["conic", *others, *known], before="; ")
         )
     count = int(match[2] or 8)
     return Facets.inscribed(count) if match[3] else Facets.circumscribed(count)

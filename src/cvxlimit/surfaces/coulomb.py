@@ -9,7 +9,6 @@ contact.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from types import MappingProxyType
 from typing import Literal
 
 import cvxpy as cp
@@ -150,11 +149,7 @@ BUILT_IN = {
     kind.name: kind for kind in (Rocking, Sliding, Torsion, TorsionShear, ParabolicTorsionShear)
 }
 
-NAMED: Mapping[str, tuple[YieldSurface, ...]] = MappingProxyType(
-    {PARABOLIC: (Rocking(), ParabolicTorsionShear())}
-)
-"""Surfaces that ``surface`` may name, besides cones around the paper's."""
-
+PARABOLIC_SURFACES = (Rocking(), ParabolicTorsionShear())
 DEFAULT_SURFACES: tuple[YieldSurface, ...] = (Rocking(), TorsionShear())
 
 
@@ -211,8 +206,8 @@ def needed_surfaces(surfaces: Sequence[YieldSurface]) -> tuple[YieldSurface, ...
     return tuple([s for s in surfaces if (s.name, s.cone) not in implied])
 
 
-SURFACES = Door("cvxlimit.surfaces")
-"""Surfaces by name, of other distributions: those here are :data:`NAMED`, or have a cone's name."""
+SURFACES: Mapping[str, Sequence[YieldSurface]] = Door("cvxlimit.surfaces")
+"""Sets of surfaces that ``surface`` may name, besides cones, which stand for the paper's."""
 
 
 def surfaces_of(
@@ -223,10 +218,8 @@ def surfaces_of(
     >>> [name for _, name in map(surfaces_of, ("8-gon", "parabolic", [Rocking(), TorsionShear()]))]
     ['octagon', 'parabolic', 'rocking(conic)+torsion-shear(conic)']
     """
-    if isinstance(surface, str) and surface in NAMED:
-        return NAMED[surface], surface
     try:
-        cone = parse_cone(surface) if isinstance(surface, str) else surface
+        cone = parse_cone(surface, SURFACES) if isinstance(surface, str) else surface
     except ModelError:
         if surface in SURFACES:
             return tuple(SURFACES[str(surface)]), str(surface)
@@ -257,7 +250,7 @@ def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurfa
         if torsion_shear == "exact":
             return (Rocking(),)
         if not name.endswith(")"):
-            return NAMED.get(torsion_shear) or surfaces_of(name)[0]
+            return surfaces_of(PARABOLIC if torsion_shear == PARABOLIC else name)[0]
         parts = [part.removesuffix(")").split("(") for part in name.split("+")]
         parabolic = ParabolicTorsionShear.name  # It has one cone only, which is not given.
         surfaces = [BUILT_IN[s](*([] if s == parabolic else [parse_cone(c)])) for s, c in parts]
