@@ -22,7 +22,7 @@ def assert_balanced_within_friction(shown: Configuration) -> None:
             total[3:] += sign * np.cross(arm, force[mine]).sum(axis=0)
         assert np.abs(total).max() < 1e-8 * weight * max(1.0, size)
     n, v = shown.forces[:, 0], np.linalg.norm(shown.forces[:, 1:], axis=1)
-    assert (n > -1e-9 * weight).all()
+    assert (n > points.least - 1e-9 * weight).all()
     assert (v <= points.friction * n + points.cohesion + 1e-8 * weight).all()
     assert (n <= points.most + 1e-8 * weight).all()
     assert points.gap[np.isinf(points.most)].min() > -1e-8 * size

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
-from cvxlimit import Block, LimitProblem, Load, Scene, Status, Tie, builtin_scene, solve
+from cvxlimit import Block, LimitProblem, Load, Reaction, Scene, Status, Tie, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_scene, write_scene
 from cvxlimit.model.formulations import resultants
@@ -239,6 +239,9 @@ def test_picture(tmp_path: Path) -> None:
     pulled, slack = solve(scene), solve(scene.with_live(Load(acceleration=(-1.0, 0.0, 0.0))))
     assert yielding(scene, pulled.forces).tolist() == [True]
     assert yielding(scene, slack.forces).tolist() == [False]
+    prop = Reaction("block", scene.ties[0].end, (0, 0, 1), 1e-6)
+    beside = replace(scene, reactions=(prop,))
+    assert yielding(beside, solve(beside).forces).tolist() == [True]
     plot(scene, pulled, tmp_path / "tied.png")
     assert (tmp_path / "tied.png").stat().st_size > 0
 

@@ -215,7 +215,7 @@ def crushed_zones(scene: Scene, forces: FloatArray) -> dict[int, FloatArray]:
     is_limited = np.isfinite(c.compressive_strength)
     strength = np.where(is_limited, c.compressive_strength, 0.0)
     can_crush = is_limited & c.is_rectangle & ~np.isnan(half[:, 0])
-    can_crush[len(c) - len(scene.ties) :] = False
+    can_crush &= ~c.is_point
     most = (1.0 - _AT_STRENGTH) * strength * 4.0 * half.prod(axis=1)
     is_full = (half <= 0.0).any(axis=1) | (normal >= most)
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
@@ -226,10 +226,9 @@ def crushed_zones(scene: Scene, forces: FloatArray) -> dict[int, FloatArray]:
 
 
 def yielding(scene: Scene, forces: FloatArray) -> BoolArray:
-    """Returns whether each tie yields under contact forces (n, 6), of which ties are the last."""
-    if not scene.ties:
-        return np.zeros(0, dtype=bool)
-    tension = -forces[-len(scene.ties) :, COLUMN["N"]]
+    """Returns whether each tie yields under contact forces (n, 6); ties are the first points."""
+    ties = np.flatnonzero(scene.contacts.is_point)[: len(scene.ties)]
+    tension = -forces[ties, COLUMN["N"]]
     strength = np.array([tie.yield_force for tie in scene.ties])
     return np.asarray(tension >= (1.0 - _AT_STRENGTH) * strength)
 

@@ -22,7 +22,6 @@ from cvxlimit.masonry import arch, single_block, stack
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.results.movement import rotation
 from cvxlimit.scene.loads import PointForce
-from cvxlimit.scene.reactions import Reaction
 from displaced import assert_balanced_within_friction
 from linkages import FourBars, leaning, rocking
 from turning import END, B, turning, wall
@@ -498,16 +497,11 @@ def test_points_without_friction_have_no_friction_force() -> None:
 def refused() -> dict[str, tuple[Callable[[], Scene], str]]:
     block = single_block((0.4, 0.4, 1.0))
     overhang = stack(3, (0.5, 0.5, 0.25), shift=(0.3, 0.0))
-    prop = Reaction("b1", (0.4, 0.2, 0.5), (-1, 0, 0), 3.0)
     return {
         "does not stand": (lambda: overhang, "does not stand"),
         "harmless": (lambda: block.with_live(Load(acceleration=(0, 0, -1))), "does no harm"),
         "tension": (lambda: block.with_strength(tensile=1.0), "tensile strength"),
         "crushing": (lambda: block.with_strength(compressive=9.0), "compressive strength"),
-        "reactions": (
-            lambda: replace(block, reactions=[prop]),
-            "reactions, as reaction ground-b1.* give the force that it is to have as a point load",
-        ),
     }
 
 

@@ -47,6 +47,7 @@ def refuse(scene: Scene) -> None:
     ):  # fmt: skip
         given = {getattr(scene, name), *getattr(scene, f"contact_{name}").values()} - {none}
         has = has or (f"{name.replace('_', ' ')} {min(given):g}" if given else "")
+    way = "" if has else ", or give its force as a point load"
     for some, what in (
         (scene.ties, "ties"), (scene.reactions, "reactions"),
         (scene.dead.pressures, "pressures in the dead load"),
@@ -56,7 +57,7 @@ def refuse(scene: Scene) -> None:
     if has:
         raise ModelError(
             f"scene {scene.name!r} has {has}: motion in time knows dry friction, own weight and "
-            "forces that keep their direction; leave it out"
+            f"forces that keep their direction; leave it out{way}"
         )
     for block in (scene.blocks[i] for i in scene.free):
         if not block.weight > 0.0:

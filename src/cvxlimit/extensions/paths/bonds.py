@@ -1,24 +1,24 @@
-"""What holds displaced blocks together besides friction: cohesion, and ties.
+"""What holds displaced blocks together besides friction: cohesion, ties and reactions.
 
 Cohesion of a joint is shared by the points at which it touches, and is gone for good once its
-blocks have moved against each other, or would move with it. A tie is a straight member between two
-points of blocks: a point of contact whose compression is the tie's tension, whose normal points
-along the tie from b to a, and whose gap is what the tie is slack by, with a largest force. It
-yields at its strength and is longer from then on, until it is stretched by more than it bears: then
-it is gone.
+blocks have moved against each other, or would move with it. A tie or a reaction
+(:mod:`.bars`) is a point of contact with a largest compression: its gap is how far it is short of
+its seat, which is as far as it has been pushed in by then. A tie that yields is longer from then
+on, until it is stretched by more than it bears: then it is gone. What a reaction pushes with at
+least is a load.
 
-Arrays are over J joints with cohesion, and T ties.
+Arrays are over J joints with cohesion, and K ties and points of reactions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.extensions.paths.bars import Bars
 from cvxlimit.extensions.paths.configuration import CLOSED, Points
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.scene import Scene
@@ -26,103 +26,98 @@ from cvxlimit.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Bonds:
-    """The joints whose blocks have not moved against each other, and the ties that hold.
+    """The joints whose blocks have not moved against each other, the ties that hold, and reactions.
 
     Attributes
     ----------
-    scene : Scene
+    bars : Bars
     stretch : float
         Share of its length by which a tie can be stretched.
     is_whole : (J,) array of bool
-    length : (T,) array
-        The greatest length of each tie so far; NaN of those that are gone.
+    seat : (K,) array
+        The greatest reach of each bar so far; NaN of ties that are gone.
     """
 
-    scene: Scene
+    bars: Bars
     stretch: float
     is_whole: BoolArray
-    length: FloatArray
+    seat: FloatArray
 
     @classmethod
     def first(cls, scene: Scene, stretch: float) -> Bonds | None:
-        """Returns those of the scene as given, None where it has neither cohesion nor ties."""
-        joints = np.flatnonzero(np.asarray(scene.contacts.cohesion) > 0.0)
-        if not (len(joints) or scene.ties):
+        """Returns those of the scene as given, None where it has neither cohesion nor bars."""
+        joints, bars = np.flatnonzero(np.asarray(scene.contacts.cohesion) > 0.0), Bars(scene)
+        if not (len(joints) or len(bars.contacts)):
             return None
-        lengths = np.array([tie.length for tie in scene.ties])
-        return cls(scene, stretch, np.ones(len(joints), dtype=bool), lengths)
+        return cls(bars, stretch, np.ones(len(joints), dtype=bool), bars.first)
 
-    @cached_property
+    @property
     def _joints(self) -> IntArray:
-        return np.flatnonzero(np.asarray(self.scene.contacts.cohesion) > 0.0)
+        return np.flatnonzero(np.asarray(self.bars.scene.contacts.cohesion) > 0.0)
 
-    @cached_property
-    def _ends(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """Blocks a and b of the ties, and their anchors on both at first (T, 3)."""
-        number = {block.id: i for i, block in enumerate(self.scene.blocks)}
-        ties = self.scene.ties
-        blocks = np.array([(number[tie.a], number[tie.b]) for tie in ties], int).reshape(-1, 2)
-        anchors = np.array([(tie.start, tie.end) for tie in ties]).reshape(-1, 2, 3)
-        return blocks[:, 0], blocks[:, 1], anchors[:, 0], anchors[:, 1]
+    @property
+    def lasts(self) -> bool:
+        """True if nothing comes apart: there are reactions alone."""
+        return not (len(self.is_whole) or self.bars.is_tie.any())
 
     @property
     def names(self) -> list[str]:
-        """Of the joints, then of the ties."""
-        contacts, count = self.scene.contacts, len(self.scene.ties)
+        """Of the joints, then of the bars."""
+        contacts = self.bars.scene.contacts
         joints = [f"cohesion of {contacts.names[j]}" for j in self._joints.tolist()]
-        return joints + [contacts.names[j] for j in np.flatnonzero(contacts.is_point)[:count]]
-
-    def _lines(self, pose: Pose) -> tuple[FloatArray, FloatArray]:
-        """Both anchors of the ties (T, 3) at a pose."""
-        a, b, start, end = self._ends
-        return pose.placed(a, start), pose.placed(b, end)
+        return [*joints, *self.bars.contacts.names]
 
     def holding(self, pose: Pose) -> Bonds:
         """Returns those that still hold at a pose: all but what came apart on the way there."""
-        contacts, size = self.scene.contacts, self.scene.contacts.typical_size
-        owner, x = contacts.corner_contact, contacts.corner_points
+        contacts, bars = self.bars.scene.contacts, self.bars
+        owner, x, size = contacts.corner_contact, contacts.corner_points, contacts.typical_size
         moved = np.zeros(len(contacts))
         way = pose.placed(contacts.b[owner], x) - pose.placed(contacts.a[owner], x)
         np.maximum.at(moved, owner, np.linalg.norm(way, axis=1))
-        start, end = self._lines(pose)
-        first = np.array([tie.length for tie in self.scene.ties])
-        most = (1.0 + self.stretch) * first + CLOSED * size
-        is_torn = np.linalg.norm(end - start, axis=1) > most
+        is_torn = bars.at(pose)[2] > (1.0 + self.stretch) * bars.first + CLOSED * size
         return replace(
             self,
             is_whole=self.is_whole & (moved[self._joints] <= CLOSED * size),
-            length=np.where(is_torn, np.nan, self.length),
+            seat=np.where(is_torn & bars.is_tie, np.nan, self.seat),
         )
 
     def without(self, names: Collection[str]) -> Bonds:
         """Returns those that are not among the ``names``."""
         gone = np.isin(self.names, [*names])
         count = len(self.is_whole)
-        length = np.where(gone[count:], np.nan, self.length)
-        return replace(self, is_whole=self.is_whole & ~gone[:count], length=length)
+        seat = np.where(gone[count:], np.nan, self.seat)
+        return replace(self, is_whole=self.is_whole & ~gone[:count], seat=seat)
 
     def after(self, pose: Pose) -> Bonds:
-        """Returns those that hold from a pose on, where ties that have yielded stay longer."""
-        start, end = self._lines(pose)
-        return replace(self, length=np.maximum(self.length, np.linalg.norm(end - start, axis=1)))
+        """Returns those that hold from a pose on, where seats stay as far as they were pushed; a
+        prop without a largest force gives way nowhere."""
+        reach = np.maximum(self.seat, self.bars.at(pose)[2])
+        return replace(self, seat=np.where(np.isfinite(self.bars.contacts.most), reach, self.seat))
+
+    def turned(self, pose: Pose) -> bool:
+        """Returns whether blocks have come back, at a pose, from where bars gave way."""
+        near, reach = CLOSED * self.bars.scene.contacts.typical_size, self.bars.at(pose)[2]
+        return bool(((self.seat - self.bars.first > near) & (self.seat - reach > near)).any())
 
     def lost(self, later: Bonds) -> tuple[str, ...]:
         """Names of what holds here and not ``later``."""
         gone = np.append(self.is_whole & ~later.is_whole,
-                         np.isnan(later.length) & ~np.isnan(self.length))  # fmt: skip
+                         np.isnan(later.seat) & ~np.isnan(self.seat))  # fmt: skip
         return tuple(
             name for name, is_gone in zip(self.names, gone.tolist(), strict=True) if is_gone
         )
 
-    def stretched(self, later: Bonds) -> float:
-        """Returns the work that ties have taken up by yielding until ``later``."""
-        most = np.array([tie.yield_force for tie in self.scene.ties])
-        return float(np.nansum(most * (later.length - self.length)))
+    def yielded(self, later: Bonds) -> float:
+        """Returns the work that bars have taken up by giving way until ``later``, besides that of
+        what they push with at least."""
+        bars = self.bars.contacts
+        more = np.where(np.isfinite(bars.most), bars.most - bars.least, 0.0)
+        return float(np.nansum(more * (later.seat - self.seat)))
 
     def on(self, points: Points, touches: BoolArray, pose: Pose) -> Points:
         """Returns points of blocks at a pose with the cohesion of their joints, where they
-        ``touches`` (k,), and with a point for each tie."""
-        contacts = self.scene.contacts
+        ``touches`` (k,), and with a point for each bar whose force is not given."""
+        contacts = self.bars.scene.contacts
         cohesion = np.zeros(len(points))
         strength = np.asarray(contacts.cohesion * contacts.area)
         for j in self._joints[self.is_whole].tolist():
@@ -130,18 +125,16 @@ class Bonds:
             own = ((points.a == a) & (points.b == b)) | ((points.a == b) & (points.b == a))
             own &= touches
             cohesion[own] += strength[j] / max(int(own.sum()), 1)
-        kept = np.flatnonzero(~np.isnan(self.length))
-        a, b = self._ends[0][kept], self._ends[1][kept]
-        start, end = (each[kept] for each in self._lines(pose))
-        along = np.linalg.norm(end - start, axis=1)
-        n = (start - end) / along[:, None]
-        most = np.array([self.scene.ties[i].yield_force for i in kept.tolist()])
-        ties = Points(
-            a, b, 0.5 * (start + end), np.concatenate([tangents(n), n[:, None]], axis=1),
-            self.length[kept] - along, np.zeros((len(kept), 2)), np.zeros(len(kept)),
-            most=most,
+        bars = self.bars.contacts
+        kept = np.flatnonzero(~np.isnan(self.seat) & (bars.most > bars.least))
+        at, n, reach = (each[kept] for each in self.bars.at(pose))
+        none = np.zeros(len(kept))
+        held = Points(
+            bars.a[kept], bars.b[kept], at, np.concatenate([tangents(n), n[:, None]], axis=1),
+            self.seat[kept] - reach, np.zeros((len(kept), 2)), none, none,
+            bars.most[kept], bars.least[kept], none == 0.0,
         )  # fmt: skip
-        return replace(points, cohesion=cohesion).beside(ties)
+        return replace(points, cohesion=cohesion).beside(held)
 
 
 def tangents(n: FloatArray) -> FloatArray:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.extensions.paths.bars import Bars
 from cvxlimit.extensions.paths.moving import held_scene, moved_scene
+from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Bracket
 
@@ -39,9 +42,12 @@ class Points:
     friction : (k,) array
     cohesion : (k,) array
         Shear that a point bears besides friction (force).
-    most : (k,) array
-        The largest compression of a point; infinite but for ties, whose compression is their
-        tension, along a normal from b to a, and whose gap is what they are slack by.
+    least, most : (k,) array
+        Bounds of a point's compression; 0 and infinite but for ties and reactions. That of a tie is
+        its tension, along a normal from b to a.
+    is_bar : (k,) array of bool
+        Of ties and reactions, whose gap is how far they are short of their seat
+        (:mod:`cvxlimit.extensions.paths.bars`).
     """
 
     a: IntArray
@@ -53,9 +59,12 @@ class Points:
     friction: FloatArray
     cohesion: FloatArray = None  # type: ignore[assignment]  # none, at any number of points
     most: FloatArray = None  # type: ignore[assignment]
+    least: FloatArray = None  # type: ignore[assignment]
+    is_bar: BoolArray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        for name, value in (("cohesion", 0.0), ("most", np.inf)):
+        none = ("cohesion", 0.0), ("most", np.inf), ("least", 0.0), ("is_bar", False)
+        for name, value in none:
             if getattr(self, name) is None:
                 object.__setattr__(self, name, np.full(len(self.gap), value))
 
@@ -75,22 +84,28 @@ class Points:
         """What forces (k, 3) lack of friction by the ``flow`` rule, a work: compressions across
         gaps, and friction that does not oppose the whole slip. Never negative, zero for a
         solution."""
-        n, slid = forces[:, 0], np.linalg.norm(self.slip, axis=1)
+        n, slid = self.chosen(forces), np.linalg.norm(self.slip, axis=1)
         lost = n * self.apart(flow) + self.friction * n * slid
         lost = lost + (forces[:, 1:] * self.slip).sum(axis=1)
-        if self.is_bound:  # cohesion that slips, and ties that yield at less than they bear
-            yields = np.where(np.isfinite(self.most), self.most, 0.0) * np.maximum(-self.gap, 0.0)
+        if self.is_bound:  # cohesion that slips, and bars that give way at less than they bear
+            more = np.where(np.isfinite(self.most), self.most - self.least, 0.0)
+            yields = more * np.maximum(-self.gap, 0.0)
             lost = lost + self.cohesion * slid + yields
         return float(np.abs(lost).sum())
 
+    def chosen(self, forces: FloatArray) -> FloatArray:
+        """What equilibrium chooses of compressions (k,): all but the least ones, which are
+        loads."""
+        return np.asarray(forces[:, 0] - self.least)
+
     @property
     def is_bound(self) -> bool:
-        """Whether any point has cohesion, or is of a tie."""
-        return bool((self.cohesion > 0.0).any() or np.isfinite(self.most).any())
+        """Whether any point has cohesion, or is of a tie or a reaction."""
+        return bool((self.cohesion > 0.0).any() or self.is_bar.any())
 
     @property
     def unbound(self) -> Points:
-        """Those without ties, with friction alone."""
+        """Those that bear any compression, with friction alone."""
         plain = self.take(np.isinf(self.most))
         return replace(plain, cohesion=np.zeros(len(plain)))
 
@@ -106,7 +121,8 @@ class Points:
 
     def bearing_gap(self, forces: FloatArray, flow: Flow = "zero-dilatancy") -> float:
         """The widest gap across which forces (k, 3) bear, less what slip opens by the rule."""
-        bears = forces[:, 0] > CLOSED * forces[:, 0].max(initial=0.0)
+        n = self.chosen(forces)
+        bears = n > CLOSED * n.max(initial=0.0)
         return float(self.apart(flow)[bears].max(initial=0.0))
 
     def take(self, which: NDArray[Any]) -> Points:
@@ -175,11 +191,24 @@ class Configuration:
         is_exact = flow == "associated" and not self.is_followed
         return 0.0 if is_exact else self.points.bearing_gap(self.forces, flow)
 
+    @cached_property
+    def pose(self) -> Pose:
+        """Where all blocks are."""
+        free = self.start.free
+        ways = np.array([self.displacements[self.start.blocks[i].id] for i in free])
+        return Pose.first(self.start).moved(free, ways)
+
     def scene(self) -> Scene:
-        """The scene with moved blocks, and point loads, pressures and ties that moved with them;
-        without the ties that are slack or gone, and the cohesion of joints that have moved."""
-        p, size = self.points, self.start.contacts.typical_size
-        taut = p.at[np.isfinite(p.most) & (p.gap <= CLOSED * size)]
+        """The scene with moved blocks, and point loads, pressures, ties and reactions that moved
+        with them. It has neither ties that are slack or gone nor the cohesion of joints that have
+        moved, and of reactions that push short of their seats no more than the least force."""
+        p, near = self.points, CLOSED * self.start.contacts.typical_size
+        seated = p.take(p.is_bar & (p.gap <= near))
+        at, n, _ = Bars(self.start).at(self.pose)
+        own, every = (
+            np.concatenate([x / near, way / CLOSED], axis=1)
+            for x, way in ((seated.at, seated.axes[:, 2]), (at, n))
+        )
+        is_seated = [bool((np.abs(own - row).max(axis=1) <= 1.0).any()) for row in every]
         glued = np.stack([p.a, p.b], axis=1)[p.cohesion > 0.0]
-        scene = moved_scene(self.start, self.displacements)
-        return held_scene(scene, self.start, taut, glued, CLOSED * size)
+        return held_scene(moved_scene(self.start, self.displacements), self.start, is_seated, glued)

@@ -47,19 +47,22 @@ _AXES = [f"{axis}_{along}" for axis in ("t1", "t2", "n") for along in "xyz"]
 _POINT = ("a", "b", "x", "y", "z", *_AXES, "gap", "slip_1", "slip_2", "friction", "n", "v_1", "v_2")
 """Columns of a point: blocks by number, place, axes, gap, slip, friction, force."""
 
-_BOUND = (*_POINT, "cohesion", "most")
-"""Those where some joint has cohesion (a force), or a tie its largest force; 0 for none."""
+_BOUND = (*_POINT, "cohesion", "most", "least", "is_bar")
+"""Those where some joint has cohesion (a force), or there are ties or reactions (``is_bar`` 1) and
+the largest and the least of their forces; 0 for none. Files of former versions end with ``most``,
+and know ties alone."""
 
-_ROWS, _BOUND_ROWS = (
-    listed(row(names, ANY_FINITE), "point {i} of {where}") for names in (_POINT, _BOUND)
+_ROWS, _TIED_ROWS, _BOUND_ROWS = (
+    listed(row(names, ANY_FINITE), "point {i} of {where}")
+    for names in (_POINT, _BOUND[:-2], _BOUND)
 )
 
 
 def _points(value: object, where: str, owner: str) -> JsonObject:
     first: Any = value[0] if isinstance(value, list) and value else None
-    is_bound = isinstance(first, list) and len(first) == len(_BOUND)
-    form, names = (_BOUND_ROWS, _BOUND) if is_bound else (_ROWS, _POINT)
-    rows = np.array(form.read(value, where, owner), dtype=float).reshape(-1, len(names))
+    forms = {len(_BOUND): _BOUND_ROWS, len(_BOUND) - 2: _TIED_ROWS}
+    width = len(first) if isinstance(first, list) and len(first) in forms else len(_POINT)
+    rows = np.array(forms.get(width, _ROWS).read(value, where, owner), float).reshape(-1, width)
     blocks = rows[:, :2].astype(int)
     if (blocks != rows[:, :2]).any():
         raise InputError(f"a and b of {where} must be numbers of blocks")
@@ -67,9 +70,11 @@ def _points(value: object, where: str, owner: str) -> JsonObject:
         blocks[:, 0], blocks[:, 1], rows[:, 2:5], rows[:, 5:14].reshape(-1, 3, 3), rows[:, 14],
         rows[:, 15:17], rows[:, 17],
     )  # fmt: skip
-    if is_bound:
+    if width > len(_POINT):
         most = np.where(rows[:, 22] > 0.0, rows[:, 22], np.inf)
-        points = replace(points, cohesion=rows[:, 21], most=most)
+        former = np.zeros(len(most)), np.isfinite(most)
+        least, is_bar = rows[:, 23:].T if width == len(_BOUND) else former
+        points = replace(points, cohesion=rows[:, 21], most=most, least=least, is_bar=is_bar > 0.0)
     return {"points": points, "forces": rows[:, 18:21]}
 
 
@@ -79,10 +84,10 @@ def _rows_of(c: Configuration, *place: str) -> Any:
     if not p.is_bound:
         return _ROWS.write(np.column_stack(parts), *place)
     most = np.where(np.isfinite(p.most), p.most, 0.0)
-    return _BOUND_ROWS.write(np.column_stack([*parts, p.cohesion, most]), *place)
+    return _BOUND_ROWS.write(np.column_stack([*parts, p.cohesion, most, p.least, p.is_bar]), *place)
 
 
-_POINTS: JsonObject = {"anyOf": [_ROWS.schema, _BOUND_ROWS.schema]}
+_POINTS: JsonObject = {"anyOf": [_ROWS.schema, _TIED_ROWS.schema, _BOUND_ROWS.schema]}
 
 
 FINITE = plain(lambda value, where: number(value, where, ANY_FINITE), {"type": "number"})

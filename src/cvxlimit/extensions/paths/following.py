@@ -257,7 +257,7 @@ class Walk:
 
     def _slid(self, shown: Configuration) -> tuple[float, bool]:
         """Returns the widest gap opened by slips at points that bear, and whether any slid."""
-        points, n = shown.points, shown.forces[:, 0]
+        points, n = shown.points, shown.points.chosen(shown.forces)
         bears = n > CLOSED * n.max(initial=0.0)
         is_opened = bears & (points.distance <= CLOSED * self.size) & self.has_dilatancy
         opened = points.gap[bears if shown.is_followed else is_opened]
@@ -266,11 +266,10 @@ class Walk:
 
     def resume(self, path: Path) -> None:
         """Take over the configurations of a path, to go on from its end."""
-        free, self.snaps, self.step = self.scene.free, [*path.snaps], path.step
+        self.snaps, self.step = [*path.snaps], path.step
         before = 0.0
         for shown in path:
-            ways = np.array([shown.displacements[self.scene.blocks[i].id] for i in free])
-            pose = self.begin.pose.moved(free, ways)
+            pose = shown.pose
             bonds = self.found[-1].bonds if self.found else self.begin.bonds
             if bonds is not None:
                 lost = [what for at, what in path.failures if self.found and at == before]
@@ -336,10 +335,11 @@ class Walk:
             may_have = self.lost(here, there) or self._may_have_jumped(here, there, pace)
             jump = self._jump(here, there) if may_have else None
             if jump is not None:
-                low, high = jump
-                if low is not here:
-                    self.keep(low)
-                way, whole = (y.shown.w - x.shown.w for x, y in (jump, (here, there)))
+                *_, low, high = jump
+                for each in jump[:-1]:
+                    if each is not here:
+                        self.keep(each)
+                way, whole = (y.shown.w - x.shown.w for x, y in ((low, high), (here, there)))
                 if self.distance(low, high) / way > JUMP * self.distance(here, there) / whole:
                     self.snaps.append(low.shown.w)  # else a contact closed, and the curve goes up
                 self.keep(high)
@@ -374,13 +374,13 @@ class Walk:
         return one.bonds.lost(other.bonds) if one.bonds and other.bonds else ()
 
     def bonds_at(self, i: int) -> Bonds | None:
-        """Returns the cohesion and the ties that hold at configuration ``i``, each tie as long as
-        it had become before."""
+        """Returns the cohesion, the ties and the reactions that hold at configuration ``i``, these
+        with the seats that they had before."""
         at, before = self.found[i].bonds, self.found[max(i - 1, 0)].bonds
         if at is None or before is None or i == 0:
             return self.begin.bonds
         return replace(before, is_whole=at.is_whole,
-                       length=np.where(np.isnan(at.length), np.nan, before.length))  # fmt: skip
+                       seat=np.where(np.isnan(at.seat), np.nan, before.seat))  # fmt: skip
 
     def failures(self) -> tuple[tuple[float, str], ...]:
         """Returns where what has come apart, by w before it has."""
@@ -389,9 +389,9 @@ class Walk:
     def _beside_work(self, one: At, other: At) -> tuple[float, float]:
         """Returns the energy that is taken up between two configurations besides the dead load's
         work along its first directions, and what the live load does besides its own: loads that
-        turn, and ties that yield."""
+        turn, and ties and reactions that give way."""
         dead, live = self.loads.of_turning(one.pose, other.pose)
-        yields = one.bonds.stretched(other.bonds) if one.bonds and other.bonds else 0.0
+        yields = one.bonds.yielded(other.bonds) if one.bonds and other.bonds else 0.0
         return yields - dead, live
 
     def _to_next(self, marks: FloatArray) -> float:
@@ -414,14 +414,16 @@ class Walk:
         area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
         return abs(rise - area) > 0.01 * way * abs(self.found[0].shown.load_factor)
 
-    def _jump(self, low: At, high: At) -> tuple[At, At] | None:
-        """Returns the last configuration before a jump and the first after it, if there is one: the
-        half in which more happens is halved again. Smooth changes spread over all sixteenths."""
+    def _jump(self, here: At, there: At) -> list[At] | None:
+        """Returns the last configuration before a jump and the first after it, if there is one, and
+        before them those that have led there by sliding: the half in which more happens is halved
+        again. Smooth changes spread over all sixteenths."""
 
         def happens(one: At, other: At) -> FloatArray:
             fall = abs(one.shown.load_factor - other.shown.load_factor)
             return np.array([fall, self.distance(one, other)])
 
+        low, high, passed = here, there, list[At]()
         whole, halvings = np.maximum(happens(low, high), 1e-300), 0
         while high.shown.w - low.shown.w > FINEST * self.step or halvings < 4:
             middle = self.settle(low, 0.5 * (low.shown.w + high.shown.w))
@@ -429,10 +431,25 @@ class Walk:
                 return None
             halves = happens(low, middle) / whole, happens(middle, high) / whole
             low, high = (low, middle) if halves[0].sum() > halves[1].sum() else (middle, high)
+            passed += [middle] * (low is middle)
             halvings += 1
             if halvings >= 4 and (happens(low, high) / whole).max() < 0.25:
                 return None
-        return low, high
+        # Slips and seats count from configurations that the path keeps: it keeps all that led there
+        # where these two do not say by themselves what has happened on the way.
+        slides = any(each.slides for each in (there, *passed))
+        if low is here or not (slides or self._seats_are_lost(here, low, high)):
+            return [low, high]
+        last = self.settle(low, high.shown.w)
+        return None if isinstance(last, Failed) else [*passed, last]
+
+    def _seats_are_lost(self, *each: At) -> bool:
+        """Returns whether seats have moved farther between configurations than these show."""
+        return any(
+            (abs(x.bonds.after(y.pose).seat - y.bonds.seat) > CLOSED * self.size).any()
+            for x, y in pairwise(each)
+            if x.bonds and y.bonds
+        )
 
     def enough(self, found: At) -> float:
         """Returns how near to its end a path has to come, as a difference of load factors."""
@@ -440,7 +457,8 @@ class Walk:
         return share * abs(self.found[0].shown.load_factor)
 
     def _end(self, here: At, there: At, until: float) -> At:
-        """Returns the configuration between two whose load factor is ``until``, or the nearest."""
+        """Returns the configuration between two whose load factor is ``until``, or the nearest of
+        those that carry less."""
         if there.shown.load_factor >= until - self.enough(there):
             return there
         found = {x.shown.w: x for x in (here, there)}
@@ -456,8 +474,8 @@ class Walk:
 
         with suppress(ArithmeticError):
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
-        del found[here.shown.w]
-        return min(found.values(), key=lambda x: abs(x.shown.load_factor - until))
+        ends = [x for x in found.values() if x.shown.load_factor - until <= self.enough(x)]
+        return min(ends, key=lambda x: abs(x.shown.load_factor - until))
 
     def why(self, kind: Ending, moved: FloatArray) -> str:
         """Returns a sentence about a failure, with the blocks that move most."""

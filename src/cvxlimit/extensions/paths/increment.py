@@ -39,6 +39,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.extensions.paths.bars import Bars
 from cvxlimit.extensions.paths.configuration import Points
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.geometry.contacts import Contacts
@@ -95,7 +96,8 @@ class Loads:
     """Dead and live load of a scene on displaced blocks; points of action move with the blocks.
 
     Forces keep their direction, but for pressures, which stay on the faces that they were found on:
-    as large as they were, they turn with them.
+    as large as they were, they turn with them. What ties and reactions push with at least is a part
+    of the dead load.
     """
 
     scene: Scene
@@ -125,8 +127,11 @@ class Loads:
                     force, moment = pose.turned(block, force), pose.turned(block, moment)
                 turning = moment + np.cross(arm, force)
                 np.add.at(load, what.block, np.concatenate([force, turning], axis=1))
-            both.append(load.ravel())
-        return both[0], both[1]
+            both.append(load)
+        dead, live = both
+        if self._bars.contacts.least.any():
+            dead = dead + self._bars.least_load(pose)[self.scene.free]
+        return dead.ravel(), live.ravel()
 
     def work(self, pose: Pose) -> tuple[float, float]:
         """Returns the work of the dead and of the live load from the first pose to this one, along
@@ -142,7 +147,14 @@ class Loads:
                     turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
                     work += float((what.moment * turn).sum())
             both.append(work)
-        return both[0], both[1]
+        dead, live = both
+        if (least := self._bars.contacts.least).any():
+            dead -= float(least @ (self._bars.at(pose)[2] - self._bars.first))
+        return dead, live
+
+    @cached_property
+    def _bars(self) -> Bars:
+        return Bars(self.scene)
 
     def push(self, w: float, start: Pose, pose: Pose) -> float:
         """Returns by how much the live load has yet to move until its mean displacement is ``w``,
@@ -274,7 +286,7 @@ class Increment:
             area=np.full(n, size**2),
             friction=points.friction,
             cohesion=points.cohesion / size**2,
-            most=points.most,
+            most=points.most - points.least,
         )
         contacts.__dict__["torsion_arm"] = np.full(n, size)
         number = np.full(len(scene.blocks), -1)
@@ -382,7 +394,7 @@ class Increment:
             state = problem.state(outcome, x, y)
             if y is not None and state.mechanism is not None and state.internal is not None:
                 n, v1, v2 = state.internal.reshape(3, -1)
-                forces = np.stack([n, scale * v1, scale * v2], axis=1)
+                forces = np.stack([n + self.points.least, scale * v1, scale * v2], axis=1)
                 d = state.mechanism * (scaling.live * scaling.length)
                 way = tuple(at for _, at in sorted(memory.get("way", {}).items()))
                 return Found(outcome, float(state.load_factor or 0.0), forces, d, way, y)

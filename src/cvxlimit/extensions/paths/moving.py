@@ -12,12 +12,14 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.results.movement import rotation
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load
+from cvxlimit.scene.reactions import places
 
 
 def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:
-    """``scene`` with blocks moved by (6,) displacements; point loads and the ends of ties move with
-    their blocks, and pressures turn with them as well."""
-    turns = {name: rotation(d[3:]) for name, d in displacements.items()}
+    """``scene`` with blocks moved by (6,) displacements; point loads, ends of ties and reactions
+    move with their blocks, pressures turn with them as well, and reactions with what they push
+    from."""
+    turns, still = {name: rotation(d[3:]) for name, d in displacements.items()}, np.eye(3)
     blocks, shift = [], dict[str, FloatArray]()
     for block in scene.blocks:
         if block.id in displacements:
@@ -39,22 +41,38 @@ def moved_scene(scene: Scene, displacements: Mapping[str, FloatArray]) -> Scene:
         return replace(load, points=points, pressures=pressures)
 
     ties = [replace(t, start=placed(t.a, t.start), end=placed(t.b, t.end)) for t in scene.ties]
+    reactions = [
+        replace(
+            r, at=placed(r.block, r.at), direction=tuple(turns.get(r.on or "", still) @ r.direction)
+        )
+        for r in scene.reactions
+    ]
     return replace(
         scene, blocks=tuple(blocks), dead=moved(scene.dead), live=moved(scene.live),
-        ties=tuple(ties),
+        ties=tuple(ties), reactions=tuple(reactions),
     )  # fmt: skip
 
 
-def held_scene(scene: Scene, start: Scene, taut: FloatArray, glued: IntArray, near: float) -> Scene:
-    """A ``scene`` that has moved from its ``start``, with those of its ties whose middles are
-    ``taut`` (k, 3) up to ``near``, and with cohesion between the blocks (k, 2) that are ``glued``
-    alone."""
-    if not (scene.ties or start.cohesion or any(start.contact_cohesion.values())):
+def held_scene(scene: Scene, start: Scene, is_seated: Sequence[bool], glued: IntArray) -> Scene:
+    """A ``scene`` that has moved from its ``start``, with those ties and forces of reactions alone
+    that are at their seats, for each among the contacts, and with cohesion between the blocks
+    (k, 2) that are ``glued`` alone."""
+    ties = [tie for tie, is_taut in zip(scene.ties, is_seated, strict=False) if is_taut]
+    short = {
+        point
+        for point, is_so in zip(places(scene.reactions), is_seated[len(scene.ties) :], strict=True)
+        if not is_so
+    }
+    reactions = []
+    for i, r in enumerate(scene.reactions):
+        most = max(r.least, 0.0) if (i, 1.0) in short else r.most
+        least = min(r.most, 0.0) if (i, -1.0) in short else r.least
+        if most or least:
+            reactions.append(replace(r, most=most, least=least))
+    scene = replace(scene, ties=tuple(ties), reactions=tuple(reactions))
+    if not (start.cohesion or any(start.contact_cohesion.values())):
         return scene
-    middles = [0.5 * np.add(tie.start, tie.end) for tie in scene.ties]
-    far = [np.linalg.norm(taut - x, axis=1).min(initial=np.inf) for x in middles]
-    ties = [tie for tie, d in zip(scene.ties, far, strict=True) if d <= near]
     names = [block.id for block in scene.blocks]
     pairs = {tuple(sorted((names[a], names[b]))) for a, b in glued.tolist()}
     own: Any = {x: start.contact_cohesion.get(x, start.cohesion) for x in pairs}
-    return replace(scene, ties=tuple(ties), cohesion=0.0, contact_cohesion=own)
+    return replace(scene, cohesion=0.0, contact_cohesion=own)

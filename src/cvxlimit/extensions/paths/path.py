@@ -81,7 +81,8 @@ class Path:
     control : (block id, (3,) direction) or None
     notes : tuple of str
     halved : Path or None
-        Of a path that slides with steps that the package chose: the same with each step in two.
+        Of a path that slides, or whose blocks come back from where reactions gave way, with steps
+        that the package chose: the same with each step in two.
     until : float
         Load factor that was asked for as its end.
     failures : tuple of (float, str)
@@ -164,7 +165,7 @@ class Path:
         for before, here in pairwise(self.configurations):
             p, n, step = here.points, here.forces[:, 0], dict[str, tuple[float, float]]()
             moved = {name: d - before.displacements[name] for name, d in here.displacements.items()}
-            for i in np.flatnonzero((n > CLOSED * n.max(initial=0.0)) & np.isinf(p.most)).tolist():
+            for i in np.flatnonzero((n > CLOSED * n.max(initial=0.0)) & ~p.is_bar).tolist():
                 one, other = names[p.a[i]], names[p.b[i]]
                 turn = (moved.get(other, still) - moved.get(one, still))[3:]
                 joint, slip = f"{one!r}-{other!r}", float(np.linalg.norm(p.slip[i]))

@@ -86,8 +86,8 @@ def _deepest(stated: Stated, given: Increment) -> Any:
     stated.into.nonneg(most[0] - spare)
     stated.into.cone(n - spare, [v1, v2])
     points, unit = given.points, given.assemblage.scaling.force
-    if len(ties := np.flatnonzero(np.isfinite(points.most))):
-        stated.into.nonneg(points.most[ties] / unit - n[ties] - spare)
+    if len(bars := np.flatnonzero(np.isfinite(points.most))):
+        stated.into.nonneg((points.most - points.least)[bars] / unit - n[bars] - spare)
     if len(glued := np.flatnonzero((points.friction == 0.0) & (points.cohesion > 0.0))):
         stated.into.cone(points.cohesion[glued] / unit - spare, [v1[glued], v2[glued]])
     return spare

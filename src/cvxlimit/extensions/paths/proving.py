@@ -197,10 +197,10 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     if not abs(w - here.w) <= SLACK * size:
         yield "w", f"the displacements have {w:.9g}"
 
-    # No block is in another one, but for what linearised steps leave.
-    start = Start.at(walk.facets, pose, walk.found[i].loose)
+    # No block is in another one, nor in a prop, but for what linearised steps leave.
+    start = replace(Start.at(walk.facets, pose, walk.found[i].loose), bonds=walk.bonds_at(i))
     most = LEFT if here.is_followed else CLOSED
-    if (depth := -start.points(pose).gap.min(initial=0.0)) > most * size:
+    if (depth := start.points(pose).depth) > most * size:
         yield "displacements", f"blocks are {depth / size:.1e} of the contact size in each other"
 
     # Forces act at points where the displaced blocks touch. Slip counts from the configuration
@@ -219,6 +219,7 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
     statics = Increment(scene, here.points, pose, loads).assemblage.statics
     forces = np.zeros((len(n), DOF))
     forces[:, [2, 0, 1]] = here.forces
+    forces[:, 2] = here.points.chosen(here.forces)  # the others are in the dead load
     residual = np.abs(statics.residual(forces, here.load_factor))
     residual[:, 3:] /= size  # moments
     dead_load = np.abs(statics.dead.reshape(-1, DOF)[:, :3]).sum() or loads.size
@@ -228,7 +229,7 @@ def _failures(walk: Walk, path: Path, i: int) -> Iterator[tuple[str, str]]:
 
     # No tension, and friction within its cone.
     cone = here.points.friction * n + here.points.cohesion
-    excess = np.max([-n, friction - cone, n - here.points.most], initial=0.0)
+    excess = np.max([here.points.least - n, friction - cone, n - here.points.most], initial=0.0)
     if not excess <= RESIDUAL * dead_load:
         yield "friction", f"forces exceed it by {excess / dead_load:.1e} of the dead load"
 
@@ -274,10 +275,11 @@ def _are_among(held: Points, found: Points, size: float, force: float) -> BoolAr
         (
             p.at / size, p.axes[:, 2], gap[:, None] / size, p.friction[:, None],
             np.linalg.norm(p.slip, axis=1)[:, None] / size, p.a[:, None], p.b[:, None],
-            p.cohesion[:, None] / force, (force / p.most)[:, None],
+            p.cohesion[:, None] / force, (force / p.most)[:, None], p.least[:, None] / force,
+            p.is_bar[:, None],
         )
         for p in (held, found)
-        # a tie that yields is longer than it was, by as much as the step has it
+        # a bar that gives way has its seat farther on, by as much as the step has it
         for gap in (np.where(np.isfinite(p.most), np.maximum(p.gap, 0.0), p.gap),)
     ]  # fmt: skip
     own, others = (np.concatenate(parts, axis=1) for parts in features)

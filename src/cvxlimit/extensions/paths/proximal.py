@@ -13,6 +13,9 @@ within its cone exactly, and equilibrium lacks rho M d, which is known: the resi
 joints open by friction times slip; without dilatancy s are the slips of the held problem, and n
 those of the priced one.
 
+What gives way at a largest force F is a point without friction whose gap may be overrun by o >= 0,
+at the price of F o.
+
 With rho > 0 the displacement is the only one, however many mechanisms compete, and nothing has to
 come to rest: a path goes on here where iterates do not settle.
 """
@@ -66,8 +69,12 @@ class Proximal:
         weight = np.linalg.norm(scaled.dead.reshape(-1, DOF)[:, :3], axis=1)
         arms = np.concatenate([np.ones((len(radius), 3)), np.tile(radius[:, None], 3) / size], 1)
         self.mass = RHO * (weight[:, None] * arms**2).ravel()
+        # What gives way at a largest force may be overrun by o, at that price.
+        yields = np.isfinite(self.points.most)
+        self.bears = (self.points.most - self.points.least)[yields] / self.scaling.force
+        self.overrun = sp.csr_array(sp.eye_array(k))[:, yields]
         self.gap = self.points.gap / size
-        self.gap = np.where(self.gap < 0.0, _CLOSING * self.gap, self.gap)
+        self.gap = np.where((self.gap < 0.0) & ~yields, _CLOSING * self.gap, self.gap)
 
     def solve(self, push: float, slides: FloatArray | None) -> Ahead | None:
         """Returns the step by ``push``, a work of the live load; None where no solver has one.
@@ -89,36 +96,52 @@ class Proximal:
         return np.asarray(np.linalg.norm(slip, axis=1))
 
     def _priced(self, push: float, slides: FloatArray) -> Ahead | None:
-        k, mu = len(self.points), self.points.friction
+        k, h, mu = len(self.points), len(self.bears), self.points.friction
         far = self.gap + mu * slides / self.scaling.length
-        tangents = [sp.csr_array(sp.diags_array(-mu) @ along) for along in self.along]
-        rows = [self.live, *_cones(sp.csr_array(-self.normal), *tangents)]
-        right = np.concatenate([[self._way(push)], _interleaved(far, 0.0 * far, 0.0 * far)])
-        answer = self._solved(rows, right, -self.dead, 0, k)
+        none = sp.csr_array((k, h))
+        tangents = [sp.hstack([sp.diags_array(-mu) @ along, none]) for along in self.along]
+        rows = [
+            *self._first_rows(), *_cones(sp.hstack([-self.normal, -self.overrun]), *tangents)
+        ]  # fmt: skip
+        right = np.concatenate(
+            [[self._way(push)], np.zeros(h), _interleaved(far, 0 * far, 0 * far)]
+        )
+        answer = self._solved(rows, right, np.append(-self.dead, self.bears), h, k)
         if answer is None:
             return None
-        d, duals = answer
-        each = duals[1:].reshape(k, 3) * np.stack([np.ones(k), mu, mu], axis=1)
+        d, duals = answer[0][: len(self.dead)], answer[1]
+        each = duals[1 + h :].reshape(k, 3) * np.stack([np.ones(k), mu, mu], axis=1)
         forces, factor = each * self.scaling.force, self.scaling.load_factor(-duals[0])
         contact = np.zeros((k, DOF))
         contact[:, [2, 0, 1]] = forces
         left = self.statics.residual(contact, factor) / self.scaling.force
         left[:, 3:] /= self.scaling.length
+        forces[:, 0] += self.points.least
         return Ahead(factor, forces, self._displacement(d), float(np.abs(left).max()))
 
     def _held(self, push: float, n: FloatArray) -> FloatArray | None:
         """Returns displacements with friction held at compressions ``n`` (k,)."""
-        k, m = len(self.points), len(self.dead)
+        k, h, m = len(self.points), len(self.bears), len(self.dead)
         none, unit = sp.csr_array((k, k)), sp.csr_array(sp.eye_array(k))
-        slips = [sp.hstack([-along, none]) for along in self.along]
+        slips = [sp.hstack([-along, sp.csr_array((k, h + k))]) for along in self.along]
         rows = [
-            sp.hstack([self.live, sp.csr_array((1, k))]), sp.hstack([-self.normal, none]),
-            *_cones(sp.hstack([sp.csr_array((k, m)), -unit]), *slips),
+            *(sp.hstack([row, sp.csr_array((row.shape[0], k))]) for row in self._first_rows()),
+            sp.hstack([-self.normal, -self.overrun, none]),
+            *_cones(sp.hstack([sp.csr_array((k, m + h)), -unit]), *slips),
         ]  # fmt: skip
-        right = np.concatenate([[self._way(push)], self.gap, np.zeros(3 * k)])
+        right = np.concatenate([[self._way(push)], np.zeros(h), self.gap, np.zeros(3 * k)])
         held = self.points.friction * np.maximum(n, 0.0) / self.scaling.force
-        answer = self._solved(rows, right, np.concatenate([-self.dead, held]), k, k)
+        cost = np.concatenate([-self.dead, self.bears, held])
+        answer = self._solved(rows, right, cost, h + k, k)
         return None if answer is None else self._displacement(answer[0][:m])
+
+    def _first_rows(self) -> list[sp.csr_array]:
+        """Returns rows of the live load's way, and of o >= 0, on d and o."""
+        h, m = len(self.bears), len(self.dead)
+        zero = sp.csr_array((1, h)), sp.csr_array((h, m))
+        return [
+            sp.hstack([self.live, zero[0]]), sp.hstack([zero[1], -sp.csr_array(sp.eye_array(h))])
+        ]  # fmt: skip
 
     def _solved(
         self, rows: list[sp.csr_array], right: FloatArray, cost: FloatArray, nonneg: int, cones: int
@@ -178,6 +201,7 @@ def go_on(walk: Walk, until: float, slides_away: Callable[[], bool]) -> tuple[En
         else:
             return "falls", walk.why("falls", moved)
         there = walk.followed(pose, points, ahead, w, here.shown.w)
+        there = replace(there, bonds=here.bonds and here.bonds.after(pose))
         walk.keep(there)
         if there.shown.load_factor <= until:
             return "zero", f"the load factor comes down to {until:g} where blocks are followed"

@@ -39,6 +39,16 @@ TURN, KEEP = (
     for what in ("turn with them", "keep their direction: point loads at their centres")
 )
 
+PUSHES = (
+    "reactions have no stiffness: they push with their most as soon as blocks move against them, "
+    "however little"
+)
+
+TURNED = (
+    "blocks have come back from where reactions or ties gave way, so that the curve depends on the "
+    "step"
+)
+
 
 def pushover(
     scene: Scene | Path,
@@ -74,8 +84,8 @@ def pushover(
     step : float or None
         Of w, the mean displacement of the live load, in the scene's unit of length; None: an eighth
         of what the last slope takes to ``until``, at most an eighth of the contact size, and where
-        joints slide the whole again with each step in two (``path.halved``). Where no equilibrium
-        is found, a step is halved.
+        joints slide, or blocks come back from where reactions gave way, the whole again with each
+        step in two (``path.halved``). Where no equilibrium is found, a step is halved.
     until : float
         Load factor at which the path ends.
     flow : {"associated", "zero-dilatancy"} or None
@@ -118,7 +128,7 @@ def pushover(
     GeometryError
         For blocks that touch nothing, not even at an edge.
     ModelError
-        For tensile or compressive strength and reactions, and for unknown choices.
+        For tensile or compressive strength, and for unknown choices.
 
     Example
     -------
@@ -162,7 +172,7 @@ def pushover(
     about = None if control is None else checked_control(scene, control)
     begin = half = other = None
     if before is not None:
-        step, about = step or before.step, about or before.control
+        step, about = step or before.step or None, about or before.control
         begin = replace(before, control=about)
         half = before.halved and replace(before.halved, control=about)
         other = before.other_flow and replace(before.other_flow, control=about)
@@ -193,6 +203,8 @@ def pushover(
         def made(status: Ending, reason: str) -> Path:
             slides, failures = any(x.slides for x in walk.found), walk.failures()
             notes = [DISPLACED] * (initial is None) + [TURN] * turn + [KEEP] * keeps
+            notes += [PUSHES] * bool(scene.reactions)
+            notes += [TURNED] * any(x.bonds.turned(x.pose) for x in walk.found if x.bonds)
             notes += [SLIDES[rule]] * slides
             if failures:
                 torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])
@@ -207,10 +219,11 @@ def pushover(
         try:
             ending = walk.walk(step, float(until), marks)
             # Where iterates do not settle explicit steps go on, until they do again. What slides
-            # from the start goes nowhere but to the end of its support. Such steps know friction
-            # alone, and loads that keep their direction.
+            # from the start goes nowhere but to the end of its support. Such steps know what
+            # does not come apart, and loads that keep their direction.
             unsettled, is_at_end = {"not-converged"}, slides_at_first(initial, walk.size)
-            is_at_end |= initial is None or turn or walk.begin.bonds is not None
+            comes_apart = walk.begin.bonds is not None and not walk.begin.bonds.lasts
+            is_at_end |= initial is None or turn or comes_apart
             while ending[0] in unsettled and walk.found and not is_at_end:
                 longest, unsettled = max(longest, walk.step), {"not-converged", "falls"}
                 end = go_on(walk, float(until), lambda: made("slides", "").slides_away)
@@ -238,7 +251,7 @@ def pushover(
     if path.followed and path.status != "interrupted":
         rule = other_than(kind)
         path = replace(path, other_flow=follow(step, other, f"{rule}: ", rule=rule))
-    if not (path.slides and is_own):
+    if not (is_own and (path.slides or TURNED in path.notes)):
         return path
     # Every step of the path in two, where the package has chosen them, until that changes little.
     notes, other = list(path.notes), path.other_flow

@@ -12,11 +12,6 @@ from cvxlimit.solution import Solution, Status
 def refuse(scene: Scene) -> None:
     """Scenes of which no path is known yet, each with the way round."""
     contacts, has = scene.contacts, None
-    way = "leave it out"
-    if scene.reactions:
-        first = contacts.names[int(np.flatnonzero(contacts.is_point)[len(scene.ties)])]
-        has = f"reactions, as {first}"
-        way = "give the force that it is to have as a point load, which moves with its block"
     for name, none in (
         ("tensile_strength", 0.0), ("compressive_strength", np.inf)
     ):  # fmt: skip
@@ -29,8 +24,8 @@ def refuse(scene: Scene) -> None:
             has = has or f"inertia that grows with height in the {name} load"
     if has:
         raise ModelError(
-            f"scene {scene.name!r} has {has}: paths do not know these; {way}, or solve for the "
-            "load factor alone"
+            f"scene {scene.name!r} has {has}: paths do not know these; leave it out, or solve for "
+            "the load factor alone"
         )
 
 
