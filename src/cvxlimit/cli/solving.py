@@ -263,8 +263,7 @@ class Order:
         names = ("method", "moments", "tolerance", "model", "solver")
         given = {name: getattr(self, name) for name in names}
         efforts = {name: getattr(self, name) for name in ("searches", "budget", "seed")}
-        chosen = {name: value for name, value in efforts.items() if value is not None}
-        if chosen:
+        if chosen := {name: value for name, value in efforts.items() if value is not None}:
             if self.method != "zero-dilatancy":
                 named = " and ".join(f"--{name}" for name in chosen)
                 raise ModelError(f"{named} goes with --method zero-dilatancy")
@@ -372,11 +371,10 @@ def settle_command(asked: Movement) -> ExitCode:
     def settled(tell: Tell) -> tuple[Scene, Solution]:
         scene = scene_named(asked.scene)
         surface: Any = asked.surface
-        found = settlement(
+        return scene, settlement(
             scene, asked.support or None, along, asked.which, surface, progress=tell,
             rotation=axis or (0.0, 0.0, 0.0), about=about,
-        )  # fmt: skip
-        return scene, found.solution
+        ).solution  # fmt: skip
 
     scene, solution = interruptible(settled)
     return deliver(scene, asked.scene, solution, files)
@@ -395,9 +393,8 @@ class Question:
 def explain_command(asked: Question) -> ExitCode:
     """Report the size of the model, the solver and the expected time of every method, without
     solving."""
-    surface: Any = asked.surface
-    model: Any = asked.model
-    found = interruptible(lambda tell: explain(scene_named(asked.scene), surface, model=model))
+    given: Any = {"surface": asked.surface, "model": asked.model}
+    found = interruptible(lambda tell: explain(scene_named(asked.scene), **given))
     title, *lines = str(found).splitlines()
     answers = [f"{name}: {method.answers}" for name, method in TABLE.items()]
     show(Text("\n".join([one_line(title), *lines, "", *answers])))
@@ -422,16 +419,15 @@ def show_command(asked: Drawing) -> ExitCode:
 
     A scene whose geometry is refused is drawn with the blocks to blame in red.
     """
-    name = asked.scene
     files_asked(asked, plot=SCENE_PICTURES)
 
     def checked(tell: Tell) -> tuple[Scene, InputError | None]:
-        scene = scene_named(name)
+        scene = scene_named(asked.scene)
         tell("finding contacts")
         return scene, refused(scene)
 
     scene, refusal = interruptible(checked)
-    plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(name).stem}.html"
+    plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(asked.scene).stem}.html"
     written = [("written", str(path)) for path in plot_scene(scene, plot, refusal)]
     blocks = f"{counted(len(scene.free), 'free block')}, {counted(len(scene.supports), 'support')}"
     contacts = "" if refusal else f" x {counted(len(scene.contacts), 'contact')}"
