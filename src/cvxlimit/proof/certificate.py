@@ -30,7 +30,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.statics import DOF, block_sizes
+from cvxlimit.model.statics import BALANCED, DOF, block_sizes
 from cvxlimit.proof.gluing import glued, without_idle
 from cvxlimit.proof.opening import OpenedMechanism, open_mechanism, spare_opening
 from cvxlimit.proof.slater import Witnesses
@@ -54,12 +54,6 @@ class _Tolerances:
     gripping: float = 100.0
     """Friction coefficient from which gluing is tried although a bound is proved: the flow rule
     asks for an opening of friction times slip, so that slips by rounding widen the bracket."""
-    unresisted: float = 1e-10
-    """Share of the natural load factor taken off a lower bound where some forces are resisted by
-    nothing: ten times what counts as balanced. No reserve of strength absorbs it there."""
-    cost_of_proof: float = 1e-06
-    """A proved bound is preferred to a tighter one with an assumption if it is worse by no more
-    than this relative amount, a tenth of the width of bracket that counts as certified."""
 
 
 _TOLERANCES = _Tolerances()
@@ -311,8 +305,10 @@ class Certifier:
             unbalanced += EPSILON * self.statics.acting(forces, lower, self.size)
             hidden = float(unbalanced @ block_sizes(u, 1.0 / self.size)) / live
         lower = max(dead_factor, lower - hidden) if lower > dead_factor else lower - hidden
-        if self.strength.balance.held is not None:  # no reserve absorbs what nothing resists
-            unresisted = _TOLERANCES.unresisted * self.assemblage.scaling.ratio
+        # Where some forces are resisted by nothing no reserve of strength absorbs what is left:
+        # ten times what counts as balanced is taken off.
+        if self.strength.balance.held is not None:
+            unresisted = 10.0 * BALANCED * self.assemblage.scaling.ratio
             lower = max(dead_factor, lower - unresisted)
         return _Bound(lower, True, errors)
 
@@ -439,9 +435,10 @@ class Certifier:
 
 def _better(first: _Bound, second: _Bound, sign: float) -> _Bound:
     """Returns the better of two bounds: ``sign`` is 1.0 for lower bounds, -1.0 for upper ones. A
-    second bound that is proved is better at little cost where the first one is not."""
+    second bound that is proved is better where the first one is not, at a cost of a tenth of the
+    width of bracket that counts as certified."""
     gain = sign * (second.value - first.value)
     if first.is_proved == second.is_proved:
         return second if gain > 0.0 else first
-    cost = _TOLERANCES.cost_of_proof * abs(first.value) if np.isfinite(first.value) else 0.0
+    cost = 0.1 * TOLERANCE * abs(first.value) if np.isfinite(first.value) else 0.0
     return second if second.is_proved and gain >= -cost else first
