@@ -1,8 +1,9 @@
 """The form of a file, said once: how each entry is read, checked, written and described.
 
 A :class:`Form` is of one value, a :func:`record` of a dataclass with a :class:`Key` for each field;
-a :class:`Document` is a record with a header, in a file of its own. What equals its default is left
-out in writing.
+a :class:`Document` is a record with a header, in a file of its own: it reads and writes that file,
+whole or not at all, and says in refusals which one it is. What equals its default is left out in
+writing.
 """
 
 from __future__ import annotations
@@ -10,14 +11,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass
-from typing import Any, Generic, TypeVar
+from functools import cached_property
+from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
-from cvxlimit.base.checks import meant
+from cvxlimit.base.checks import meant, of_type
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import (
+    ANY_FINITE,
     LARGEST_NUMBER,
     FilePath,
     JsonObject,
@@ -65,14 +68,17 @@ def plain(
 
 TEXT = plain(text, {"type": "string"})
 NUMBER = plain(number, {"type": "number"})
+FINITE = plain(lambda value, where: number(value, where, ANY_FINITE), {"type": "number"})
 WHOLE = plain(whole, {"type": "integer", "minimum": 0}, lambda value, _: int(value))
 
 
-def row(names: Collection[str], largest: float = LARGEST_NUMBER) -> Form:
+def row(
+    names: Collection[str], largest: float = LARGEST_NUMBER, made: Callable[[Any], Any] = tuple
+) -> Form:
     """As many numbers as there are names, of at most ``largest`` in magnitude."""
     size = {"minItems": len(names), "maxItems": len(names)}
     return plain(
-        lambda value, where: numbers(value, names, where, largest),
+        lambda value, where: made(numbers(value, names, where, largest)),
         {"type": "array", "items": {"type": "number"}, **size, "description": ", ".join(names)},
         lambda value, where: list(numbers(np.asarray(value).tolist(), names, where, largest)),
     )
@@ -160,16 +166,18 @@ def keyed(item: Form, name: str) -> Form:
 
 @dataclass(frozen=True)
 class Key:
-    """An entry of a record; refusals call it ``where``, with the key and the record put in.
+    """An entry of a record; refusals call it ``where``, with the key and the record put in, or as
+    the record's entries are called unless given.
 
     What is not needed may be left out, is then the field's default or None, and is not written
     where it equals that, unless ``is_written``; None asks the field whether it has a default. An
-    entry that ``is_several`` fields is read as a dict of them, written from the whole record, and
-    left out where that gives None. ``field`` names the field where it is not called as its key.
+    entry that ``is_several`` fields is read as a dict of them, written from the whole record, left
+    out where that gives None, and not needed unless it is said to be. ``field`` names the field
+    where it is not called as its key.
     """
 
     form: Form
-    where: str = "{key} of {owner}"
+    where: str = ""
     is_needed: bool | None = None
     is_written: bool = False
     is_several: bool = False
@@ -178,25 +186,33 @@ class Key:
 
 def record(
     kind: type,
-    keys: Mapping[str, Key],
+    keys: Mapping[str, Key | Form],
     made: Callable[..., Any] | None = None,
     prefix: str = "",
+    where: str = "{key} of {owner}",
 ) -> Form:
     """The fields of a dataclass as an object; ``made`` makes one of them, in place of ``kind``.
 
-    ``prefix`` leads what ``made`` says.
+    ``prefix`` leads what ``made`` says, ``where`` is what refusals call an entry.
     """
-    defaults = _defaults(kind)
-    stated = {key: each.is_needed for key, each in keys.items() if each.is_needed is not None}
-    needed = [key for key in keys if stated.get(key, key not in defaults)]
-    optional = [key for key in keys if key not in needed]
+    defaults, entries = _defaults(kind), dict[str, Key]()
+    for key, given in keys.items():
+        each = given if isinstance(given, Key) else Key(given)
+        is_needed = each.is_needed
+        if is_needed is None:
+            is_needed = key not in defaults and not each.is_several
+        entries[key] = dataclasses.replace(
+            each, where=each.where or where, is_needed=is_needed, field=each.field or key
+        )
+    needed = [key for key, each in entries.items() if each.is_needed]
+    optional = [key for key in entries if key not in needed]
 
     def read(value: object, where: str, _: str) -> Any:
         entry, given = fields(value, where, needed, optional), dict[str, Any]()
-        for key, each in keys.items():
+        for key, each in entries.items():
             if key in entry:
                 found = each.form.read(entry[key], each.where.format(key=key, owner=where), where)
-                given |= found if each.is_several else {each.field or key: found}
+                given |= found if each.is_several else {each.field: found}
             elif key not in defaults and not each.is_several:
                 given[key] = None
         with refusals(prefix.format(where=where)):
@@ -204,11 +220,11 @@ def record(
 
     def write(value: Any, where: str, _: str) -> JsonObject:
         result: JsonObject = {}
-        for key, each in keys.items():
-            found = value if each.is_several else getattr(value, each.field or key)
+        for key, each in entries.items():
+            found = value if each.is_several else getattr(value, each.field)
             usual = defaults.get(key)
             is_usual = found is usual or (not isinstance(found, np.ndarray) and found == usual)
-            if key in needed or each.is_written or not is_usual:
+            if each.is_needed or each.is_written or not is_usual:
                 entry = each.form.write(found, each.where.format(key=key, owner=where), where)
                 if entry is not None or not each.is_several:
                     result[key] = entry
@@ -216,7 +232,7 @@ def record(
 
     schema = {
         "type": "object",
-        "properties": {key: each.form.schema for key, each in keys.items()},
+        "properties": {key: each.form.schema for key, each in entries.items()},
         "required": needed,
         "additionalProperties": False,
     }
@@ -234,12 +250,55 @@ def _defaults(kind: type) -> dict[str, Any]:
     return result
 
 
+def by_type(kind: type, figure: Form, *names: str) -> dict[str, Form]:
+    """Forms of the fields of a dataclass, or of some, that follow from their types; ``figure`` is
+    that of a number.
+
+    >>> from cvxlimit.scene import Units
+    >>> by_type(Units, NUMBER)["length"] is TEXT
+    True
+    """
+    plain = {str: TEXT, int: WHOLE, bool: FLAG, float: figure}
+
+    def form(hint: Any) -> Form:
+        if hint in plain:
+            return plain[hint]
+        first, *others = get_args(hint)  # of X | None, or of tuple[X, ...]
+        return listed(form(first)) if others == [...] else nullable(form(first))
+
+    hints = get_type_hints(kind)
+    return {name: form(hints[name]) for name in names or hints}
+
+
+def together(forms: Mapping[str, Form]) -> Form:
+    """An object with an entry for each form, which is a tuple in Python."""
+    kind = dataclasses.make_dataclass("Together", forms)
+    inner = record(kind, forms, lambda **given: tuple(given.values()))
+    return Form(inner.read, lambda value, *place: inner.write(kind(*value), *place), inner.schema)
+
+
 @dataclass(frozen=True)
 class Document(Generic[T]):
-    """A record in a file of its own, with a header that says what it is: scene or result."""
+    """A record in a file of its own, with a header that says what it is: scene or result.
+
+    ``of``, ``keys``, ``made`` and ``where`` are as for :func:`record`. What is no such thing is not
+    written, but refused under the name ``called``, with the ``cure``.
+    """
 
     kind: str
-    form: Form
+    of: type[T]
+    called: str
+    cure: str
+    keys: Mapping[str, Key | Form]
+    made: Callable[..., T]
+    where: str = "{key}"
+
+    @cached_property
+    def form(self) -> Form:
+        return record(self.of, self.keys, self.made, where=self.where)
+
+    def check(self, value: object) -> None:
+        of_type(value, self.of, f"{self.called} must be a {self.of.__name__}", self.cure)
 
     def from_dict(self, document: Any) -> T:
         with refusals():
@@ -249,6 +308,7 @@ class Document(Generic[T]):
             return self.form.read(entries, f"the {self.kind}", "")
 
     def to_dict(self, value: T) -> JsonObject:
+        self.check(value)
         with refusals():
             header = {"format": f"cvxlimit-{self.kind}", "version": 1}
             return header | self.form.write(value, f"the {self.kind}", "")
@@ -258,6 +318,7 @@ class Document(Generic[T]):
             return self.from_dict(read_document(path))
 
     def write(self, value: T, path: FilePath) -> None:
+        self.check(value)
         with refusals(file_prefix(path)):
             data = encoded(self.to_dict(value))
         write_file(path, data)

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.io.fields import ANY_FINITE, FilePath, JsonObject, number, shown
 from cvxlimit.io.forms import (
+    FINITE,
     TEXT,
-    WHOLE,
     Document,
     Form,
     Key,
+    by_type,
     choice,
     keyed,
     listed,
@@ -97,11 +98,17 @@ ITERATE = record(
 
 MEMBER = record(
     Member,
-    {"start": Key(TEXT), "iterations": Key(WHOLE)}
-    | {
-        name: Key(FIGURE)
-        for name in ("load_factor", "equilibrium", "yield_excess", "flow", "complementarity")
-    },
+    by_type(
+        Member,
+        FIGURE,
+        "start",
+        "iterations",
+        "load_factor",
+        "equilibrium",
+        "yield_excess",
+        "flow",
+        "complementarity",
+    ),
     # forces and mechanism are those of the lowest only, which are the result's own
     lambda **given: Member(**given, forces=np.zeros((0, 6)), mechanism=np.zeros((0, 6))),
 )
@@ -109,49 +116,20 @@ MEMBER = record(
 FORGOTTEN = Form(lambda *_: {}, lambda *_: None, nullable(FIGURE).schema)
 """An entry that files of version 0.2 may have, and that no solution keeps."""
 
-SEARCH = record(
-    Search,
-    {"seed": Key(WHOLE), "load_factor": Key(nullable(FIGURE), is_needed=True)}
-    | {name: Key(WHOLE) for name in ("solves", "last_gain")},
-)
+SEARCH = record(Search, by_type(Search, FIGURE))
 
 DILATANCY = record(
     Dilatancy,
-    {
-        "share": Key(FIGURE),
-        "sliding": Key(listed(TEXT, "name of a contact"), is_needed=False),
-        "moving": Key(WHOLE, is_needed=False),
-        "safe": Key(FIGURE, is_needed=False),
-        "slides_at": Key(nullable(FIGURE), is_needed=False),
-    }
-    | {name: Key(FORGOTTEN, is_needed=False, is_several=True) for name in ("nearly", "lacks")},
+    by_type(Dilatancy, FIGURE)
+    | {"sliding": listed(TEXT, "name of a contact")}
+    | dict.fromkeys(("nearly", "lacks"), Key(FORGOTTEN, is_several=True)),
 )
 
-ITERATION = record(
-    Iteration,
-    {
-        "met_after": Key(nullable(WHOLE)),
-        "met_at": Key(nullable(FIGURE)),
-        "lowest": Key(FIGURE),
-        "highest": Key(FIGURE),
-        "last": Key(WHOLE),
-    },
-)
+ITERATION = record(Iteration, by_type(Iteration, FIGURE))
 """Solves until the paper's criterion, the load factor then, and the band of the last iterates."""
 
 
-LUMPED = record(
-    Lumped,
-    {
-        "faces": Key(WHOLE),
-        "contacts": Key(WHOLE),
-        "angle": Key(FIGURE),
-        "friction_angle": Key(FIGURE),
-        "contact": Key(TEXT),
-        "contact_angle": Key(FIGURE),
-        "contact_friction_angle": Key(FIGURE),
-    },
-)
+LUMPED = record(Lumped, by_type(Lumped, FIGURE))
 """Faces that are taken as planes that they are not in; angles in radians."""
 
 
@@ -177,11 +155,7 @@ def _rows(entries: list[tuple[float, ...]]) -> FloatArray:
     return np.array(entries, dtype=float).reshape(-1, len(COMPONENTS))
 
 
-NUMBERS = listed(
-    plain(lambda x, where: number(x, where, ANY_FINITE), {"type": "number"}),
-    "internal force {i}",
-    lambda forces: np.array(forces, dtype=float),
-)
+NUMBERS = listed(FINITE, "internal force {i}", lambda forces: np.array(forces, dtype=float))
 
 SCENE_DIGEST = Form(
     lambda value, *place: {"scene_digest": TEXT.read(value, *place)},
@@ -195,7 +169,7 @@ SCENE_DIGEST = Form(
 """Of which scene the result is, so that it is not taken for one of another."""
 
 FORCES = listed(row(COMPONENTS, ANY_FINITE), "force on contact {i}", _rows)
-MECHANISM = keyed(row(RATES_NAMED, ANY_FINITE), "mechanism of block {key}")
+MECHANISM = keyed(row(RATES_NAMED, ANY_FINITE, np.array), "mechanism of block {key}")
 RATES = listed(row(RATES_NAMED, ANY_FINITE), "rates of free block {i}", _rows)
 STATE = Form(
     lambda value, *place: _form_of(value).read(value, *place),
@@ -214,104 +188,83 @@ REFERENCE = record(
     Reference,
     {
         "load_factor": Key(nullable(FIGURE), is_needed=True),
-        "forces": Key(nullable(STATE)),
-        "rates": Key(nullable(RATES)),
+        "forces": nullable(STATE),
+        "rates": nullable(RATES),
     },
 )
 
 
-def _lower_end(lower: float, upper: float, **given: Any) -> LowerEnd:
-    basis = {each.name: given.pop(each.name) for each in fields(Bracket) if each.name in given}
-    mechanism = given.get("mechanism")
-    if mechanism is not None:
-        given["mechanism"] = {block: np.array(rates) for block, rates in mechanism.items()}
-    return LowerEnd(bracket=Bracket(lower, upper, **basis), **given)
+def _bracketed(kind: Any, **given: Any) -> Any:
+    """A record whose file has the parts of its bracket beside its other entries."""
+    bracket = {each.name: given.pop(each.name) for each in fields(Bracket) if each.name in given}
+    return kind(bracket=Bracket(**bracket), **given)
 
 
 LOWER_END = record(
     LowerEnd,
     {
-        "load_factor": Key(FIGURE),
-        **{end: Key(form) for end, form in BOUNDS.items()},
-        "bracket": Key(BRACKET, is_needed=False, is_several=True),
+        "load_factor": FIGURE,
+        **BOUNDS,
+        "bracket": Key(BRACKET, is_several=True),
         "forces": Key(nullable(FORCES), is_needed=True),
         "mechanism": Key(nullable(MECHANISM), is_needed=True),
-        "reference": Key(nullable(REFERENCE)),
+        "reference": nullable(REFERENCE),
     },
-    _lower_end,
+    partial(_bracketed, LowerEnd),
 )
 
 
-def _solution(lower: float, upper: float, **given: Any) -> Solution:
-    basis = {each.name: given.pop(each.name) for each in fields(Bracket) if each.name in given}
-    forces, mechanism = given["forces"], given["mechanism"]
-    if forces is not None and len(forces) != given["contacts"]:
-        raise InputError(
-            f"forces must be {given['contacts']} rows, one for each contact, got {len(forces)}"
-        )
-    end = given.get("lower_end")
-    if end is not None and end.forces is not None and len(end.forces) != given["contacts"]:
-        raise InputError(
-            f"forces of lower_end must be {given['contacts']} rows, one for each contact, got "
-            f"{len(end.forces)}"
-        )
-    names = given.get("contact_names", ())
-    if names and len(names) != given["contacts"]:
-        raise InputError(f"contact_names must be {given['contacts']} names, got {len(names)}")
-    if mechanism is not None:
-        given["mechanism"] = {block: np.array(rates) for block, rates in mechanism.items()}
-    status, factor = given["status"], given["load_factor"]
+def _solution(**given: Any) -> Solution:
+    contacts, end, names = given["contacts"], given.get("lower_end"), given.get("contact_names")
+    for what, forces in (("forces", given["forces"]), ("forces of lower_end", end and end.forces)):
+        if forces is not None and len(forces) != contacts:
+            raise InputError(
+                f"{what} must be {contacts} rows, one for each contact, got {len(forces)}"
+            )
+    if names and len(names) != contacts:
+        raise InputError(f"contact_names must be {contacts} names, got {len(names)}")
+    status, factor, upper = given["status"], given["load_factor"], given["upper"]
     if not status.has_answer and not (factor is None and upper == math.inf):
         beside = f"load_factor {shown(factor)}" if factor is not None else f"upper {upper:.7g}"
         raise InputError(
             f"{beside} cannot stand beside status {str(status)!r}, which says that there is none: "
             "the file was changed; solve anew"
         )
-    return Solution(bracket=Bracket(lower, upper, **basis), **given)
+    found: Solution = _bracketed(Solution, **given)
+    return found
 
 
-RESULT: Document[Solution] = Document(
-    "result",
-    record(
-        Solution,
-        {
-            "scene": Key(TEXT, "{key}", field="scene_name"),
-            "surface": Key(TEXT, "{key}"),
-            "interaction": Key(TEXT, "{key}"),
-            "moments": Key(TEXT, "{key}"),
-            "blocks": Key(WHOLE, "{key}"),
-            "contacts": Key(WHOLE, "{key}"),
-            "load_factor": Key(nullable(FIGURE), "{key}"),
-            **{end: Key(form, "{key}") for end, form in BOUNDS.items()},
-            "status": Key(choice(Status), "{key}"),
-            "history": Key(listed(ITERATE), "{key}"),
-            "seconds": Key(keyed(FIGURE, "seconds of phase {key}"), "{key}"),
-            "forces": Key(nullable(FORCES), "{key}", is_needed=True),
-            "mechanism": Key(nullable(MECHANISM), "{key}", is_needed=True),
-            "note": Key(TEXT, "{key}"),
-            "bracket": Key(BRACKET, "{key}", is_needed=False, is_several=True),
-            "torsion_shear": Key(TEXT, "{key}"),
-            "quantity": Key(TEXT, "{key}"),
-            "flow": Key(TEXT, "{key}"),
-            "members": Key(listed(MEMBER), "{key}"),
-            "searches": Key(listed(SEARCH), "{key}", is_needed=False),
-            "lower_end": Key(nullable(LOWER_END), "{key}", is_needed=False),
-            "reference": Key(nullable(REFERENCE), "{key}"),
-            "dilatancy": Key(nullable(DILATANCY), "{key}", is_needed=False),
-            "iteration": Key(nullable(ITERATION), "{key}", is_needed=False),
-            "lumped": Key(nullable(LUMPED), "{key}", is_needed=False),
-            "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
-            "internal": Key(nullable(NUMBERS), "{key}"),
-            "model": Key(listed(TEXT, "a reduction"), "{key}"),
-            "components": Key(COMPONENTS_SAID, "{key}", is_needed=False, is_several=True),
-            "contact_names": Key(listed(TEXT, "name of contact {i}"), "{key}"),
-            "scene_digest": Key(SCENE_DIGEST, "{key}", is_needed=False, is_several=True),
-            "units": Key(UNITS, "{key}"),
-            "tolerance": Key(nullable(TOLERANCE), "{key}"),
-        },
-        _solution,
-    ),
-)
+_KEYS: dict[str, Key | Form] = {
+    "scene": Key(TEXT, field="scene_name"),
+    **by_type(Solution, FIGURE, "surface", "interaction", "moments", "blocks", "contacts"),
+    "load_factor": nullable(FIGURE),
+    **BOUNDS,
+    "status": choice(Status),
+    "history": listed(ITERATE),
+    "seconds": keyed(FIGURE, "seconds of phase {key}"),
+    "forces": Key(nullable(FORCES), is_needed=True),
+    "mechanism": Key(nullable(MECHANISM), is_needed=True),
+    "note": TEXT,
+    "bracket": Key(BRACKET, is_several=True),
+    **by_type(Solution, FIGURE, "torsion_shear", "quantity", "flow"),
+    "members": listed(MEMBER),
+    "searches": listed(SEARCH),
+    "lower_end": nullable(LOWER_END),
+    "reference": nullable(REFERENCE),
+    "dilatancy": nullable(DILATANCY),
+    "iteration": nullable(ITERATION),
+    "lumped": nullable(LUMPED),
+    "versions": keyed(TEXT, "version of {key}"),
+    "internal": nullable(NUMBERS),
+    "model": listed(TEXT, "a reduction"),
+    "components": Key(COMPONENTS_SAID, is_several=True),
+    "contact_names": listed(TEXT, "name of contact {i}"),
+    "scene_digest": Key(SCENE_DIGEST, is_several=True),
+    "units": UNITS,
+    "tolerance": nullable(TOLERANCE),
+}
+
+RESULT = Document("result", Solution, "solution", "solve(scene) makes one", _KEYS, _solution)
 
 
 def read_result(path: FilePath) -> Solution:
@@ -347,7 +300,7 @@ def write_result(solution: Solution, path: FilePath) -> None:
     InputError
         As for :func:`result_to_dict`, or if the file cannot be written.
     """
-    RESULT.write(_checked(solution), path)
+    RESULT.write(solution, path)
 
 
 def result_to_dict(solution: Solution) -> JsonObject:
@@ -375,7 +328,7 @@ def result_to_dict(solution: Solution) -> JsonObject:
     >>> document["lower"], document["history"]
     (None, [{'load_factor': 0.25, 'seconds': 0.01, 'solver': 'CLARABEL', 'status': 'optimal'}])
     """
-    return RESULT.to_dict(_checked(solution))
+    return RESULT.to_dict(solution)
 
 
 def result_from_dict(document: object) -> Solution:
@@ -394,7 +347,3 @@ def result_from_dict(document: object) -> Solution:
 this is not a result file
     """
     return RESULT.from_dict(document)
-
-
-def _checked(solution: Any) -> Any:
-    return of_type(solution, Solution, "solution must be a Solution", "solve(scene) makes one")

@@ -138,9 +138,9 @@ TIE = record(
     Tie,
     {
         "between": Key(BETWEEN, "'between' in {owner}", is_needed=True, is_several=True),
-        "start": Key(POINT),
-        "end": Key(POINT),
-        "yield_force": Key(NUMBER),
+        "start": POINT,
+        "end": POINT,
+        "yield_force": NUMBER,
     },
 )
 
@@ -153,20 +153,20 @@ UNLIMITED = Form(
 REACTION = record(
     Reaction,
     {
-        "block": Key(TEXT),
+        "block": TEXT,
         "at": Key(POINT, "'at' of {owner}"),
-        "direction": Key(POINT),
-        "most": Key(UNLIMITED),
-        "least": Key(NUMBER),
-        "on": Key(TEXT),
+        "direction": POINT,
+        "most": UNLIMITED,
+        "least": NUMBER,
+        "on": TEXT,
     },
 )
 
 MOTION = record(
     SupportMotion,
     {
-        "supports": Key(listed(TEXT, "support {i} of {owner}")),
-        **{name: Key(POINT) for name in ("direction", "rotation", "about")},
+        "supports": listed(TEXT, "support {i} of {owner}"),
+        **dict.fromkeys(("direction", "rotation", "about"), POINT),
     },
 )
 
@@ -221,33 +221,31 @@ CONTACTS = Form(
 
 POINT_FORCE = record(
     PointForce,
-    {"block": Key(TEXT), "at": Key(POINT, "'at' of {owner}"), "force": Key(POINT)},
+    {"block": TEXT, "at": Key(POINT, "'at' of {owner}"), "force": POINT},
 )
 PRESSURE = record(
     Pressure,
     {
-        "block": Key(TEXT),
-        "normal": Key(POINT),
+        "block": TEXT,
+        "normal": POINT,
         "pressure": Key(NUMBER, "value of {owner}"),
-        "gradient": Key(POINT),
-        "at": Key(POINT),
-        "within": Key(POINT),
-        "corners": Key(listed(POINT, "corner {i} of {owner}")),
+        "gradient": POINT,
+        "at": POINT,
+        "within": POINT,
+        "corners": listed(POINT, "corner {i} of {owner}"),
     },
 )
-GROWING = record(
-    GrowingAcceleration, {name: Key(POINT) for name in ("acceleration", "base", "top")}
-)
+GROWING = record(GrowingAcceleration, dict.fromkeys(("acceleration", "base", "top"), POINT))
 LOAD = record(
     Load,
     {
-        "gravity": Key(POINT),
-        "acceleration": Key(POINT),
-        "forces": Key(keyed(FORCE, "force of {owner} on block {key}")),
-        "weights": Key(keyed(POINT, "weight of {owner} on block {key}")),
-        "points": Key(listed(POINT_FORCE, "point load {i}", prefix="in {owner}, ")),
-        "pressures": Key(listed(PRESSURE, "pressure {i}", prefix="in {owner}, ")),
-        "growing": Key(listed(GROWING, "growing acceleration {i}", prefix="in {owner}, ")),
+        "gravity": POINT,
+        "acceleration": POINT,
+        "forces": keyed(FORCE, "force of {owner} on block {key}"),
+        "weights": keyed(POINT, "weight of {owner} on block {key}"),
+        "points": listed(POINT_FORCE, "point load {i}", prefix="in {owner}, "),
+        "pressures": listed(PRESSURE, "pressure {i}", prefix="in {owner}, "),
+        "growing": listed(GROWING, "growing acceleration {i}", prefix="in {owner}, "),
     },
     prefix="in {where}, ",
 )
@@ -273,25 +271,22 @@ def _scene(
     return Scene(made, joint_tolerance=joint_tolerance, **given)
 
 
-SCENE: Document[Scene] = Document(
-    "scene",
-    record(
-        Scene,
-        {
-            "name": Key(TEXT, is_written=True),
-            "units": Key(UNITS, "{key}", is_written=True),
-            "blocks": Key(listed(BLOCK), "{key}"),
-            "supports": Key(listed(TEXT, "support {i}"), "{key}"),
-            **{what: Key(form, is_needed=what == "friction") for what, form in VALUES.items()},
-            "joint_tolerance": Key(TOLERANCE, "{key}"),
-            "ties": Key(listed(TIE), "{key}"),
-            "reactions": Key(listed(REACTION), "{key}"),
-            "settling": Key(listed(MOTION), "{key}"),
-            "contacts": Key(CONTACTS, "{key}", is_needed=False, is_several=True),
-            "loads": Key(LOADS, "{key}", is_needed=True, is_several=True),
-        },
-        _scene,
-    ),
+_KEYS: dict[str, Key | Form] = {
+    "name": Key(TEXT, is_written=True),
+    "units": Key(UNITS, "{key}", is_written=True),
+    "blocks": Key(listed(BLOCK), "{key}"),
+    "supports": Key(listed(TEXT, "support {i}"), "{key}"),
+    **{what: Key(form, is_needed=what == "friction") for what, form in VALUES.items()},
+    "joint_tolerance": Key(TOLERANCE, "{key}"),
+    "ties": Key(listed(TIE), "{key}"),
+    "reactions": Key(listed(REACTION), "{key}"),
+    "settling": Key(listed(MOTION), "{key}"),
+    "contacts": Key(CONTACTS, "{key}", is_several=True),
+    "loads": Key(LOADS, "{key}", is_needed=True, is_several=True),
+}
+
+SCENE = Document(
+    "scene", Scene, "scene", "builtin_scene('arch') makes one", _KEYS, _scene, "{key} of {owner}"
 )
 
 

@@ -19,7 +19,7 @@ from cvxlimit.base.checks import meant, not_negative, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
-from cvxlimit.masonry.sizes import count
+from cvxlimit.masonry.sizes import ALONG, count, pile, prism, scene_of
 from cvxlimit.scene import Load, Scene
 from cvxlimit.scene.loads import GRAVITY
 from cvxlimit.scene.surroundings import fill as fill_on
@@ -253,7 +253,7 @@ def bridge(
         for r in range(number):
             for i, (one, other) in enumerate(pairwise(corners)):
                 outline = [one[r], one[r + 1], other[r + 1], other[r]]
-                blocks.append(_prism(ids[r][i], outline, sides, weight))
+                blocks.append(prism(ids[r][i], outline, sides, weight))
         pairs += [pair for low, high in pairwise(ids) for pair in zip(low, high, strict=True)]
     for k, (one, other) in enumerate(pairwise(joints)):
         blocks += _pier(f"p{k + 1}", one[-1], other[0], shafts[k], pier_courses, sides, weight)
@@ -261,15 +261,10 @@ def bridge(
     between_rings = (
         friction if ring_friction is None else not_negative(ring_friction, "ring_friction")
     )
-    scene = Scene(
-        tuple(blocks),
-        tuple(block.id for block in blocks if block.density is None),
-        Load(acceleration=(1.0, 0.0, 0.0)) if live is None else live,
-        friction=friction,
+    scene = scene_of(
+        blocks, ALONG, live, friction, name, compressive_strength=compressive_strength,
         contact_friction=dict.fromkeys(pairs, between_rings),
-        compressive_strength=compressive_strength,
-        name=name,
-    )
+    )  # fmt: skip
     if cover is None:
         return scene
     crown = max(float(corners[:, -1, 1].max()) for corners in joints)
@@ -308,13 +303,12 @@ def _pier(
         )
     levels = np.linspace(-high, 0.0, count(courses, "pier_courses") + 1)
     yield Block.box(f"{id}.ground", (x0, sides[0], -high - wide), (x1, sides[1], -high))
-    for i, (low, top) in enumerate(pairwise(levels.tolist()), start=1):
-        yield Block.box(f"{id}.{i}", (x0, sides[0], low), (x1, sides[1], top), density)
+    yield from pile(f"{id}.", (x0, x1), sides, levels, density)
     if max(one[1], other[1]) > 1e-9 * wide:
         outline = [left[0], one, other, right[0]]
         if np.linalg.norm(other - one) <= 1e-6 * wide:
             outline.remove(other)
-        yield _prism(f"{id}.cap", outline, sides, density)
+        yield prism(f"{id}.cap", outline, sides, density)
 
 
 def _abutments(
@@ -332,7 +326,7 @@ def _abutments(
             back = way * np.array([along[1], -along[0]]) * (-1.0 if way * along[0] < 0.0 else 1.0)
             back = back if back[1] <= 0.0 else -back
             outline = [inner, outer, outer + back, inner + back]
-            yield _prism(f"{name}-abutment", outline, sides, None)
+            yield prism(f"{name}-abutment", outline, sides, None)
             continue
         wide, high = (positive(x, f"{what} of abutments")
                       for x, what in zip(size, ("width", "height"), strict=True))  # fmt: skip
@@ -345,18 +339,7 @@ def _abutments(
         outline = [inner, outer, (end, outer[1]), (end, -high), (inner[0], -high)]
         distinct = [p for i, p in enumerate(outline)
                     if np.linalg.norm(np.subtract(p, outline[i - 1])) > 1e-9 * wide]  # fmt: skip
-        yield _prism(f"{name}-abutment", distinct, sides, density)
+        yield prism(f"{name}-abutment", distinct, sides, density)
         low, top = sorted((float(inner[0]), float(end)))
         yield Block.box(f"{name}-ground", (low - wide, sides[0], -high - wide),
                         (top + wide, sides[1], -high))  # fmt: skip
-
-
-def _prism(
-    id: str, outline: Sequence[ArrayLike], sides: tuple[float, float], density: float | None
-) -> Block:
-    """A block whose outline (k, 2) is in the plane (x, z), between two planes across y."""
-    flat, k = np.array(outline, dtype=float), len(outline)
-    vertices = [np.column_stack([flat[:, 0], np.full(k, y), flat[:, 1]]) for y in sides]
-    around = [(i, (i + 1) % k, k + (i + 1) % k, k + i) for i in range(k)]
-    faces = [tuple(range(k)), tuple(range(k, 2 * k)), *around]
-    return Block.polyhedron(id, np.concatenate(vertices), faces, density)

@@ -13,14 +13,8 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry.arches import between_all, radial_joints
-from cvxlimit.masonry.sizes import Span, count, ground_below, is_negligible, pile, scene_of
+from cvxlimit.masonry.sizes import Span, count, ground_below, is_negligible, pile, prism, scene_of
 from cvxlimit.scene import Load, Scene
-
-_PRISM = (
-    (0, 1, 2, 3, 4), (5, 6, 7, 8, 9),
-    (0, 1, 6, 5), (1, 2, 7, 6), (2, 3, 8, 7), (3, 4, 9, 8), (4, 0, 5, 9),
-)  # fmt: skip
-"""Faces of a prism over a pentagon: both ends, then the sides."""
 
 
 def flying_buttress(
@@ -172,12 +166,11 @@ def _pier(
     below = _courses(flyer.foot, step)
     levels = np.linspace(0.0, flyer.foot, below + 1)
     base = levels[-2]
-    outline = np.array([
-        [-broad, base], [0.0, base], [0.0, flyer.foot],
-        [-flyer.setback, shoulder], [-broad, shoulder],
-    ])  # fmt: skip
-    corners = [np.insert(outline, 1, y, axis=1) for y in (y0, y1)]
-    skewback = Block.polyhedron("skewback", np.concatenate(corners), _PRISM, density)
+    outline = [
+        (-broad, base), (0.0, base), (0.0, flyer.foot),
+        (-flyer.setback, shoulder), (-broad, shoulder),
+    ]  # fmt: skip
+    skewback = prism("skewback", outline, (y0, y1), density)
     blocks = [*pile("p", (-broad, 0.0), (y0, y1), levels[:-1], density), skewback]
     if pinnacle != 0.0:
         top = shoulder + positive(pinnacle, "pinnacle")

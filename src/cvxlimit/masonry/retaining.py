@@ -10,7 +10,7 @@ import numpy as np
 from cvxlimit.base.checks import not_negative, positive
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
-from cvxlimit.masonry.sizes import count, ground_below
+from cvxlimit.masonry.sizes import ALONG, count, ground_below, scene_of
 from cvxlimit.scene import GRAVITY, Load, Pressure, Scene
 from cvxlimit.scene.surroundings import earth_pressure, hydrostatic, uplift
 
@@ -146,8 +146,7 @@ def _held(
     pressing: Callable[[Scene], tuple[Pressure, ...]],
 ) -> Scene:
     ground = ground_below(blocks, 0.5)
-    usual = Load(acceleration=(1.0, 0.0, 0.0)) if live is None else live
-    scene = Scene((ground, *blocks), ("ground",), usual, friction=friction, name=name)
+    scene = scene_of((ground, *blocks), ALONG, live, friction, name)
     pressures = pressing(scene)
     if live is None:
         return scene.with_live(Load(pressures=pressures))

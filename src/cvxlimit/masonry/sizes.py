@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector, positive
@@ -63,13 +64,22 @@ def pile(prefix: str, x: Span, y: Span, levels: FloatArray, density: float) -> l
     return [brick(f"{prefix}{i}", x, 0, y, z, density) for i, z in heights]
 
 
+def prism(id: str, outline: Sequence[ArrayLike], sides: Span, density: float | None) -> Block:
+    """A block whose outline (k, 2) is in the plane (x, z), between two planes across y."""
+    flat, k = np.array(outline, dtype=float), len(outline)
+    vertices = [np.insert(flat, 1, y, axis=1) for y in sides]
+    around = [(i, (i + 1) % k, k + (i + 1) % k, k + i) for i in range(k)]
+    faces = [tuple(range(k)), tuple(range(k, 2 * k)), *around]
+    return Block.polyhedron(id, np.concatenate(vertices), faces, density)
+
+
 def scene_of(
-    blocks: Sequence[Block], usual: Load, live: Load | None, friction: float, name: str
+    blocks: Sequence[Block], usual: Load, live: Load | None, friction: float, name: str, **more: Any
 ) -> Scene:
     """Blocks without density are the supports; the ``usual`` live load holds if none is given."""
     supports = tuple(block.id for block in blocks if block.density is None)
     load = usual if live is None else live
-    return Scene(tuple(blocks), supports, load, friction=friction, name=name)
+    return Scene(tuple(blocks), supports, load, friction=friction, name=name, **more)
 
 
 def is_negligible(length: float, unit: float) -> bool:

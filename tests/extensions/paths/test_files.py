@@ -129,6 +129,7 @@ def test_whatever_stands_in_an_entry_is_read_or_refused_in_a_sentence(
         (lambda d: d["configurations"][1]["points"][0].pop(), "must be 21 numbers"),
         (lambda d: d["configurations"][2]["displacements"].pop("c1"), "'c1' is in one of both"),
         (lambda d: d["control"].update(block="ground"), "must be a free block, got 'ground'"),
+        (lambda d: d["control"].update(direction=[1, 0]), "direction of control must be 3 numbers"),
         (lambda d: d["halved"].update(configurations=[]), "halved: configurations must be one"),
         (lambda d: d["halved"].update(snaps=[0.5]), "halved: .* the w of a configuration, got 0.5"),
         (lambda d: d["halved"].update(halved=None), "unknown key 'halved'"),
@@ -148,3 +149,10 @@ def test_parts_that_do_not_belong_together_are_refused(
     file.write_text(json.dumps(document))
     with pytest.raises(InputError, match=f"path.json: .*{said}"):
         read_path(file)
+
+
+def test_what_is_no_path_is_not_written(path: Displacements, tmp_path: Path) -> None:
+    file = tmp_path / "path.json"
+    with pytest.raises(InputError, match=r"path must be a Path, got .*pushover\(scene\) makes one"):
+        write_path(path.initial, file)  # type: ignore[arg-type]
+    assert not file.exists()

@@ -348,6 +348,12 @@ def test_without_dilatancy_there_are_points_only() -> None:
 # What comes out
 
 
+def test_what_is_no_domain_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"domain must be a LoadDomain, got 3.0: load_domain"):
+        write_domain(3.0, tmp_path / "domain.json")  # type: ignore[arg-type]
+    assert not (tmp_path / "domain.json").exists()
+
+
 def test_files_pickles_and_tables(tmp_path: Path) -> None:
     scene = held_block()
     domain = domain_of(scene, tolerance=0.1)

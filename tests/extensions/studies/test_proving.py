@@ -387,6 +387,15 @@ def test_half_a_proof_is_named_with_the_cure(tmp_path: Path) -> None:
     assert prove(folder).is_proved
 
 
+@pytest.mark.parametrize("held", ["no JSON", "[1]", 7], ids=repr)
+def test_a_proof_that_is_none_is_told(held: object, unspoilt: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(unspoilt, tmp_path / "s")
+    for part in folder.glob("_proof-*.parquet"):
+        pd.read_parquet(part).assign(proof=held).to_parquet(part, index=False)
+    assert all("bracket" in check.claim for check in prove(folder).missing)
+    assert not prove(folder).is_proved
+
+
 def test_what_holds_nothing_to_prove(tmp_path: Path) -> None:
     folder = tmp_path / "s"
     sweep(block(2.0), {"friction": [-1.0]}, path=folder, progress=False)

@@ -2,11 +2,12 @@
 
 Its doors are ``cvxlimit.commands`` (``pushover``), ``cvxlimit.readings``, ``cvxlimit.documents``,
 ``cvxlimit.files`` and ``cvxlimit.proofs``. To read: ``configuration.py`` and ``path.py``, the
-result, and ``moving.py``, its scenes; ``pairs.py``, ``points.py`` and ``bonds.py``, contacts of
-displaced blocks, cohesion and ties; ``starting.py``, where a path begins, and ``refusing.py``;
-``increment.py``, one convex step; ``following.py``, steps and snaps; ``proximal.py``, explicit
-steps where nothing comes to rest; ``pushover.py``, the call; ``proof.py`` and ``proving.py``;
-``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
+result, and ``moving.py``, its scenes; ``pairs.py``, ``points.py``, ``bars.py`` and ``bonds.py``,
+contacts of displaced blocks, ties, reactions and cohesion; ``starting.py``, where a path begins,
+and ``refusing.py``; ``increment.py``, one convex step; ``following.py``, steps and snaps;
+``proximal.py``, explicit steps where nothing comes to rest; ``pushover.py``, the call; ``proof.py``
+and ``proving.py``; ``code_check.py``; ``files.py``, ``tables.py``, ``pictures.py`` and
+``command.py``.
 """
 
 from cvxlimit.base.doors import Offered

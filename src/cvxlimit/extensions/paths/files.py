@@ -7,23 +7,14 @@ from typing import Any, get_args
 
 import numpy as np
 
-from cvxlimit.base.checks import of_type
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.configuration import Configuration, Flow, Points
 from cvxlimit.extensions.paths.path import Ending, Work, other_than
 from cvxlimit.extensions.paths.path import Path as Displacements
 from cvxlimit.extensions.paths.starting import begun
-from cvxlimit.io.fields import (
-    ANY_FINITE,
-    FilePath,
-    JsonObject,
-    fields,
-    number,
-    refusals,
-    shown,
-    text,
-)
+from cvxlimit.io.fields import ANY_FINITE, FilePath, JsonObject, refusals, shown
 from cvxlimit.io.forms import (
+    FINITE,
     FLAG,
     TEXT,
     WHOLE,
@@ -33,9 +24,9 @@ from cvxlimit.io.forms import (
     choice,
     listed,
     nullable,
-    plain,
     record,
     row,
+    together,
 )
 from cvxlimit.io.results import BOUNDS, FIGURE, MECHANISM, PROVED, RESULT
 from cvxlimit.io.scenes import POINT, SCENE
@@ -90,7 +81,6 @@ def _rows_of(c: Configuration, *place: str) -> Any:
 _POINTS: JsonObject = {"anyOf": [_ROWS.schema, _TIED_ROWS.schema, _BOUND_ROWS.schema]}
 
 
-FINITE = plain(lambda value, where: number(value, where, ANY_FINITE), {"type": "number"})
 BRACKET = record(
     Bracket,
     {
@@ -102,55 +92,22 @@ BRACKET = record(
 CONFIGURATION = record(
     Configuration,
     {
-        "w": Key(FINITE),
-        "load_factor": Key(FINITE),
-        "displacements": Key(MECHANISM),
+        "w": FINITE,
+        "load_factor": FINITE,
+        "displacements": MECHANISM,
         "points": Key(Form(_points, _rows_of, _POINTS), is_needed=True, is_several=True),
         "bracket": Key(nullable(BRACKET), is_needed=True),
         "widest_gap": Key(FINITE, is_needed=True),
         "residual": Key(FIGURE, is_needed=True),
         "iterates": Key(WHOLE, is_needed=True),
-        "loss": Key(FIGURE),
+        "loss": FIGURE,
         "is_followed": Key(FLAG, "followed"),
     },
     dict,
 )
-_WORK = row(Work._fields, ANY_FINITE)
-WORK = Form(lambda *given: Work(*_WORK.read(*given)), _WORK.write, _WORK.schema)
-
-
-def _failure(value: object, where: str) -> tuple[float, str]:
-    entry = fields(value, where, ("w", "what"))
-    return number(entry["w"], f"w of {where}", ANY_FINITE), text(entry["what"], f"what of {where}")
-
-
-FAILURE = plain(
-    _failure,
-    {
-        "type": "object",
-        "properties": {"w": {"type": "number"}, "what": TEXT.schema},
-        "required": ["w", "what"],
-        "additionalProperties": False,
-    },
-    lambda failure, _: {"w": float(failure[0]), "what": failure[1]},
-)
-
-
-def _control(value: object, where: str) -> tuple[str, tuple[float, ...]]:
-    entry = fields(value, where, ("block", "direction"))
-    return text(entry["block"], f"block of {where}"), POINT.read(entry["direction"], where, "")
-
-
-CONTROL = plain(
-    _control,
-    {
-        "type": "object",
-        "properties": {"block": TEXT.schema, "direction": POINT.schema},
-        "required": ["block", "direction"],
-        "additionalProperties": False,
-    },
-    lambda control, _: {"block": control[0], "direction": [*control[1]]},
-)
+WORK = row(Work._fields, ANY_FINITE, Work._make)
+FAILURE = together({"w": FINITE, "what": TEXT})
+CONTROL = together({"block": TEXT, "direction": POINT})
 
 
 def _path(
@@ -190,7 +147,6 @@ def _run(
                 f"displacements of configuration {i} must be of the scene's free blocks: block "
                 f"{shown(min(others, default=None))} is in one of both only"
             )
-        each["displacements"] = {block: np.array(way) for block, way in ways.items()}
         blocks = np.stack([points.a, points.b])
         if ((blocks < 0) | (blocks >= len(scene.blocks))).any() or (points.a == points.b).any():
             raise InputError(f"points of configuration {i} must be between two of the blocks")
@@ -204,39 +160,34 @@ def _run(
 
 
 RUN = {
-    "configurations": Key(listed(CONFIGURATION, "configuration {i}"), "{key}"),
-    "status": Key(choice(get_args(Ending)), "{key}"),
-    "reason": Key(TEXT, "{key}"),
-    "step": Key(FINITE, "{key}"),
-    "snaps": Key(listed(FINITE), "{key}"),
-    "work": Key(nullable(WORK), "{key}"),
-    "slides": Key(FLAG, "{key}"),
-    "notes": Key(listed(TEXT), "{key}"),
-    "failures": Key(listed(FAILURE, "failure {i}"), "{key}"),
+    "configurations": listed(CONFIGURATION, "configuration {i}"),
+    "status": choice(get_args(Ending)),
+    "reason": TEXT,
+    "step": FINITE,
+    "snaps": listed(FINITE),
+    "work": nullable(WORK),
+    "slides": FLAG,
+    "notes": listed(TEXT),
+    "failures": listed(FAILURE, "failure {i}"),
 }
 """What a path has of its own, beside the runs with half the step and the other flow."""
 
+ANOTHER_RUN = nullable(record(Displacements, RUN, dict, where="{key}"))
 
-PATH: Document[Displacements] = Document(
-    "path",
-    record(
-        Displacements,
-        {
-            "scene": Key(SCENE.inside, "{key}", is_needed=True),
-            "initial": Key(nullable(RESULT.inside), "{key}"),
-            **RUN,
-            "flow": Key(choice(get_args(Flow)), "{key}"),
-            "control": Key(nullable(CONTROL), "{key}"),
-            "until": Key(FINITE, "{key}"),
-            "stretch": Key(FIGURE, "{key}"),
-            **{
-                name: Key(nullable(record(Displacements, RUN, dict)), "{key}")
-                for name in ("halved", "other_flow")
-            },
-        },
-        _path,
-    ),
-)
+
+_KEYS: dict[str, Key | Form] = {
+    "scene": Key(SCENE.inside, is_needed=True),
+    "initial": nullable(RESULT.inside),
+    **RUN,
+    "flow": choice(get_args(Flow)),
+    "control": nullable(CONTROL),
+    "until": FINITE,
+    "stretch": FIGURE,
+    "halved": ANOTHER_RUN,
+    "other_flow": ANOTHER_RUN,
+}
+
+PATH = Document("path", Displacements, "path", "pushover(scene) makes one", _KEYS, _path)
 
 
 def read_path(path: FilePath) -> Displacements:
@@ -269,5 +220,4 @@ def write_path(displacements: Displacements, path: FilePath) -> None:
     ...     read_path(file).d0 == path.d0, prove(file).is_proved
     (True, True)
     """
-    of_type(displacements, Displacements, "path must be a Path", "pushover(scene) makes one")
     PATH.write(displacements, path)

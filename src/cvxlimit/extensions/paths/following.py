@@ -67,7 +67,7 @@ slide, which change their pace as they like."""
 @dataclass(frozen=True, eq=False)
 class At:
     """A configuration (``shown``), its pose, the gap that its slips have opened (``loose``,
-    length), whether any joint slid, and the cohesion and ties that hold from there on."""
+    length), whether any joint slid, and the cohesion, ties and reactions from there on."""
 
     pose: Pose
     shown: Configuration
@@ -141,9 +141,17 @@ class Walk:
         associated one is also one without dilatancy, in half the time."""
         if self.has_dilatancy or not start.slides:
             found = self._associated(start, w)
-            if self.has_dilatancy or (isinstance(found, At) and not found.slides):
+            if self.has_dilatancy:
                 return found
+            if isinstance(found, At) and not found.slides:
+                loss = found.shown.points.lost(found.shown.forces) / self._work(start, w)
+                return replace(found, shown=replace(found.shown, loss=loss))
         return self._without_dilatancy(start, w)
+
+    def _work(self, start: At, w: float) -> float:
+        """Returns the live load's work from ``start`` on at the first load factor, over which
+        losses count."""
+        return abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
 
     def start(self, at: At) -> Start:
         if at.pose is self.begin.pose:
@@ -201,7 +209,7 @@ class Walk:
         forces. Where slips keep changing direction the iterate with the least loss counts."""
         begin, pose, size = self.start(start), start.pose, np.inf
         moved, best = np.zeros(len(self.scene.free)), None
-        work = abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
+        work = self._work(start, w)
         for iterate in range(1, _MANY + 1):
             points = begin.points(pose)
             push = self.loads.push(w, start.pose, pose)
@@ -354,6 +362,9 @@ class Walk:
                 self.keep(end)
                 if end.shown.load_factor >= until - self.enough(end):
                     return "zero", f"the load factor has come down to {until:g}"
+                if end.shown.w - here.shown.w <= FINEST * self.step:
+                    self.snaps.append(here.shown.w)
+                    return "zero", f"the load factor drops below {until:g} in a snap"
                 parts = (f"{x.shown.load_factor:.4g}" for x in (here, end))
                 between = "iterates between do not settle"
                 return "zero", f"the load factor falls from {' to '.join(parts)}: {between}"
@@ -416,8 +427,8 @@ class Walk:
 
     def _jump(self, here: At, there: At) -> list[At] | None:
         """Returns the last configuration before a jump and the first after it, if there is one, and
-        before them those that have led there by sliding: the half in which more happens is halved
-        again. Smooth changes spread over all sixteenths."""
+        before them what has led there, if it tells: the half in which more happens is halved again.
+        Smooth changes spread over all sixteenths."""
 
         def happens(one: At, other: At) -> FloatArray:
             fall = abs(one.shown.load_factor - other.shown.load_factor)
@@ -474,6 +485,7 @@ class Walk:
 
         with suppress(ArithmeticError):
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
+        del found[here.shown.w]
         ends = [x for x in found.values() if x.shown.load_factor - until <= self.enough(x)]
         return min(ends, key=lambda x: abs(x.shown.load_factor - until))
 

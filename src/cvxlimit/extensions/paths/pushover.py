@@ -68,7 +68,9 @@ def pushover(
 
     The live load's points of action are moved on step by step; blocks move exactly, contacts open,
     close and appear, and the load factor is what holds each configuration. A joint has lost its
-    cohesion for good once it has opened or slid (``path.failures``). Friction is taken at
+    cohesion for good once it has opened or slid (``path.failures``). Reactions and ties act at
+    points that move with their blocks, and give way at their largest force without stiffness.
+    Friction is taken at
     points, so that the first load factor differs from that of :func:`cvxlimit.solve`, which is
     ``path.initial``. A bracket proves what its configuration carries, not that the structure
     gets there. Where iterates do not come to rest explicit steps go on: such a path is followed by

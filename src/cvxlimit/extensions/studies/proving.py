@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +19,7 @@ from cvxlimit.extensions.studies.store import (
     read_sweep,
 )
 from cvxlimit.extensions.studies.variations import varied
-from cvxlimit.io.fields import refusals
+from cvxlimit.io.fields import parsed, refusals
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.proof.checks import Check, unseen
@@ -121,7 +120,7 @@ def _row(
         yield Check("bracket", False, "the folder holds no forces and no mechanism of it")
         return
     try:
-        solution = result_from_dict(_json(text))
+        solution = result_from_dict(parsed(str(text).encode()))
         scenes, options = Rows(base).split(parameters)
         scene = varied(base, **scenes) if isinstance(base, Scene) else base(**scenes)
         if solution.scene_digest != scene_digest(scene):
@@ -155,10 +154,3 @@ def _options(options: Mapping[str, Any], solution: Solution) -> Iterator[Check]:
         if value != held:
             yield Check(f"{name} {value!r}", False, f"its result says {held!r}")
     yield from map(unseen, options.keys() - {"surface", "moments", "tolerance", "method"})
-
-
-def _json(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError as error:
-        raise InputError(f"the result that is held is no JSON: {error}") from error

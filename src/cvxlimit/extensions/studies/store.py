@@ -21,6 +21,7 @@ from cvxlimit.base.extras import needed
 from cvxlimit.base.files import write_file, write_new_file
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError
+from cvxlimit.io.fields import mapping, read_document, refusals
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -217,19 +218,8 @@ def about_sweep(folder: Path) -> dict[str, Any]:
     note = _note(folder)
     if note is None:
         raise InputError(f"{folder}: holds no sweep: sweep(..., path={str(folder)!r}) makes one")
-    try:
-        found = json.loads(note.read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{note}: what says of which sweep the folder is cannot be read ({error}): take "
-            "another folder, or delete this one"
-        ) from error
-    if not isinstance(found, dict):
-        raise InputError(
-            f"{note}: what says of which sweep the folder is must be an object {{...}}, got "
-            f"{found!r:.60}: take another folder, or delete this one"
-        )
-    return found
+    with refusals(f"{note}: damaged, take another folder or delete this one: "):
+        return mapping(read_document(note), "what says of which sweep the folder is")
 
 
 def _note(folder: Path) -> Path | None:

@@ -14,10 +14,10 @@ from cvxlimit.io.fields import FilePath, items, shown, text
 from cvxlimit.io.forms import (
     FLAG,
     TEXT,
-    WHOLE,
     Document,
     Form,
     Key,
+    by_type,
     choice,
     keyed,
     listed,
@@ -92,28 +92,20 @@ def _check_vector(vector: Any, size: int, where: str) -> None:
         )
 
 
-DOMAIN: Document[LoadDomain] = Document(
-    "domain",
-    record(
-        LoadDomain,
-        {
-            "scene": Key(TEXT, "{key}", field="scene_name"),
-            **{name: Key(TEXT, "{key}") for name in ("surface", "method")},
-            "loads": Key(LOADS, "{key}"),
-            "units": Key(VECTOR, "{key}"),
-            "supports": Key(listed(SUPPORT), "{key}"),
-            "status": Key(choice(Status), "{key}"),
-            "tolerance": Key(TOLERANCE, "{key}"),
-            "is_convex": Key(FLAG, "{key}", is_needed=True),
-            "solves": Key(WHOLE, "{key}"),
-            "seconds": Key(FIGURE, "{key}"),
-            "about": Key(TEXT, "{key}"),
-            "scene_digest": Key(TEXT, "{key}"),
-            "versions": Key(keyed(TEXT, "version of {key}"), "{key}"),
-        },
-        _domain,
-    ),
-)
+_KEYS: dict[str, Key | Form] = {
+    "scene": Key(TEXT, field="scene_name"),
+    **dict.fromkeys(("surface", "method"), TEXT),
+    "loads": LOADS,
+    "units": VECTOR,
+    "supports": listed(SUPPORT),
+    "status": choice(Status),
+    "tolerance": TOLERANCE,
+    "is_convex": Key(FLAG, is_needed=True),
+    **by_type(LoadDomain, FIGURE, "solves", "seconds", "about", "scene_digest"),
+    "versions": keyed(TEXT, "version of {key}"),
+}
+
+DOMAIN = Document("domain", LoadDomain, "domain", "load_domain(scene) makes one", _KEYS, _domain)
 
 
 def read_domain(path: FilePath) -> LoadDomain:
@@ -124,10 +116,15 @@ def read_domain(path: FilePath) -> LoadDomain:
     InputError
         If the file cannot be read or is no valid domain.
     """
-    found: LoadDomain = DOMAIN.read(path)
-    return found
+    return DOMAIN.read(path)
 
 
 def write_domain(domain: LoadDomain, path: FilePath) -> None:
-    """Write a domain with all its solutions as JSON; the file is complete or untouched."""
+    """Write a domain with all its solutions as JSON; the file is complete or untouched.
+
+    Raises
+    ------
+    InputError
+        If it is no load domain, or the file cannot be written.
+    """
     DOMAIN.write(domain, path)
