@@ -16,7 +16,7 @@ from cvxlimit.methods.driver import Method, Run
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.cones import parse_cone
-from cvxlimit.surfaces.coulomb import PARABOLIC
+from cvxlimit.surfaces.coulomb import PARABOLIC, SURFACES
 
 MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy"]
 """Names for type checkers: those of :data:`TABLE`."""
@@ -64,7 +64,9 @@ def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str,
     kind = "own"
     if str(surface) in ("conic", PARABOLIC):
         kind = str(surface)
-    elif isinstance(surface, Cone) or (isinstance(surface, str) and _is_cone(surface)):
+    elif isinstance(surface, Cone) or (
+        isinstance(surface, str) and (_is_cone(surface) or surface not in SURFACES)
+    ):
         kind = "facets"
     if kind not in asked.surfaces:
         takes = [name for name, method in TABLE.items() if kind in method.surfaces]
