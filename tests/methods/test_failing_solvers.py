@@ -120,8 +120,7 @@ def test_a_dead_load_that_cannot_stand(name: str, push: tuple[float, float, floa
 def test_a_slow_rung_beyond_the_budget_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """With solvers a thousand times as slow as they are, nobody is asked after the first bracket,
     which comes back."""
-    row = SolverSettings.row.fget
-    assert row is not None
+    row = vars(SolverSettings)["row"].func
     slow = property(lambda settings: replace(row(settings), pace=(1.0, 1.0)))
     monkeypatch.setattr(SolverSettings, "row", slow)
     scene, lines = builtin_scene("tuff-wall"), list[str]()

@@ -9,7 +9,8 @@ reader or a picture, and nothing here knows of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, MutableMapping
+from collections import UserDict
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Any
 
@@ -38,7 +39,7 @@ def installed(group: str) -> dict[str, Any]:
     return {entry.name: entry for entry in entry_points(group=group)}
 
 
-class Door(MutableMapping[str, Any]):
+class Door(UserDict[str, Any]):
     """What is offered in a group, by name.
 
     It lists what this package and its extensions offer, beside the values in ``own`` and those that
@@ -52,15 +53,14 @@ class Door(MutableMapping[str, Any]):
     """
 
     def __init__(self, group: str, own: Mapping[str, Any] | None = None) -> None:
-        self.group = group
-        self._own, self._places = dict(own or {}), _PLACES.setdefault(group, {})
+        super().__init__(own or {})
+        self.group, self._places, self._own = group, _PLACES.setdefault(group, {}), [*self.data]
         self._found: dict[str, Any] = {}  # elsewhere, None where nobody has the name
 
-    def __getitem__(self, name: str) -> Any:
-        if name in self._own:
-            return self._own[name]
+    def __missing__(self, name: str) -> Any:
         if name in self._places:
-            return loaded(self._places[name])
+            self.data[name] = loaded(self._places[name])
+            return self.data[name]
         if name not in self._found:
             entry = installed(self.group).get(name)
             self._found[name] = None if entry is None else entry.load()
@@ -68,17 +68,14 @@ class Door(MutableMapping[str, Any]):
             raise KeyError(name)
         return self._found[name]
 
-    def __setitem__(self, name: str, value: Any) -> None:
-        self._own[name] = value
-
-    def __delitem__(self, name: str) -> None:
-        del self._own[name]
+    __contains__ = Mapping.__contains__  # by asking for it
 
     def __iter__(self) -> Iterator[str]:
-        return iter({**self._own, **self._places})
+        every = dict.fromkeys([*self._own, *self._places, *self.data])
+        return (name for name in every if name in self.data or name in self._places)
 
     def __len__(self) -> int:
-        return len({*self._own, *self._places})
+        return len({*self})
 
     @property
     def names(self) -> list[str]:

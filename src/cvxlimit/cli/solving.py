@@ -85,9 +85,8 @@ def scene_named(name: str) -> Scene:
         return builtin_scene(name)
     looks_like_file = Path(name).suffix or Path(name).name != name
     if looks_like_file or os.path.exists(name):
-        if Path(name).suffix.lower() in {*Door("cvxlimit.readers")} - {".json"} and os.path.isfile(
-            name
-        ):
+        geometry = {*Door("cvxlimit.readers")} - {".json"}
+        if Path(name).suffix.lower() in geometry and os.path.isfile(name):
             raise InputError(f"{name}: this is geometry: cvxlimit import makes a scene of it")
         return read_scene(name)
     cure = meant(name, BUILTIN, "cvxlimit scenes lists the built-in ones")
@@ -264,8 +263,7 @@ class Order:
         names = ("method", "moments", "tolerance", "model", "solver")
         given = {name: getattr(self, name) for name in names}
         efforts = {name: getattr(self, name) for name in ("searches", "budget", "seed")}
-        chosen = {name: value for name, value in efforts.items() if value is not None}
-        if chosen:
+        if chosen := {name: value for name, value in efforts.items() if value is not None}:
             if self.method != "zero-dilatancy":
                 named = " and ".join(f"--{name}" for name in chosen)
                 raise ModelError(f"{named} goes with --method zero-dilatancy")
@@ -280,8 +278,7 @@ class Order:
                 "--branching-seconds S above 0, or leave that out"
             )
         own: Any = {"branching_seconds": self.branching_seconds, "workers": self.workers}
-        asked = TABLE[self.method](**own)
-        return {**given, "method": asked}
+        return {**given, "method": TABLE[self.method](**own)}
 
 
 @command_of(
@@ -374,11 +371,10 @@ def settle_command(asked: Movement) -> ExitCode:
     def settled(tell: Tell) -> tuple[Scene, Solution]:
         scene = scene_named(asked.scene)
         surface: Any = asked.surface
-        found = settlement(
+        return scene, settlement(
             scene, asked.support or None, along, asked.which, surface, progress=tell,
             rotation=axis or (0.0, 0.0, 0.0), about=about,
-        )  # fmt: skip
-        return scene, found.solution
+        ).solution  # fmt: skip
 
     scene, solution = interruptible(settled)
     return deliver(scene, asked.scene, solution, files)
@@ -397,9 +393,8 @@ class Question:
 def explain_command(asked: Question) -> ExitCode:
     """Report the size of the model, the solver and the expected time of every method, without
     solving."""
-    surface: Any = asked.surface
-    model: Any = asked.model
-    found = interruptible(lambda tell: explain(scene_named(asked.scene), surface, model=model))
+    given: Any = {"surface": asked.surface, "model": asked.model}
+    found = interruptible(lambda tell: explain(scene_named(asked.scene), **given))
     title, *lines = str(found).splitlines()
     answers = [f"{name}: {method.answers}" for name, method in TABLE.items()]
     show(Text("\n".join([one_line(title), *lines, "", *answers])))
@@ -424,16 +419,15 @@ def show_command(asked: Drawing) -> ExitCode:
 
     A scene whose geometry is refused is drawn with the blocks to blame in red.
     """
-    name = asked.scene
     files_asked(asked, plot=SCENE_PICTURES)
 
     def checked(tell: Tell) -> tuple[Scene, InputError | None]:
-        scene = scene_named(name)
+        scene = scene_named(asked.scene)
         tell("finding contacts")
         return scene, refused(scene)
 
     scene, refusal = interruptible(checked)
-    plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(name).stem}.html"
+    plot = asked.plot or Path(mkdtemp(prefix="cvxlimit-")) / f"{Path(asked.scene).stem}.html"
     written = [("written", str(path)) for path in plot_scene(scene, plot, refusal)]
     blocks = f"{counted(len(scene.free), 'free block')}, {counted(len(scene.supports), 'support')}"
     contacts = "" if refusal else f" x {counted(len(scene.contacts), 'contact')}"
@@ -443,11 +437,9 @@ def show_command(asked: Drawing) -> ExitCode:
         load, resultant = getattr(scene, case), getattr(scene, f"{case}_forces")[:, :3].sum(axis=0)
         small = abs(resultant) <= 1e-9 * abs(resultant).max()
         x, y, z = (0.0 if zero else value for value, zero in zip(resultant, small, strict=True))
-        pressures = len(load.pressures)
-        rows += [
-            (f"{case} load", f"{x:.6g}, {y:.6g}, {z:.6g} {scene.units.force} in all"
-             + (f", {counted(pressures, 'pressure')}" if pressures else ""))
-        ]  # fmt: skip
+        text = f"{x:.6g}, {y:.6g}, {z:.6g} {scene.units.force} in all"
+        pressures = f", {counted(len(load.pressures), 'pressure')}" if load.pressures else ""
+        rows.append((f"{case} load", text + pressures))
     rows += written
     if asked.plot is None:
         rows.append(("to see it", "open that file in a browser"))

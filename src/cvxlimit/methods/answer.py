@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.solution import Iteration, LowerEnd, Member, Search
 from cvxlimit.solution.bracket import Bracket, Reference
-from cvxlimit.solution.kinematics import Dilatancy
+from cvxlimit.solution.kinematics import Dilatancy, dilatancy_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,24 @@ class Answer:
             end = replace(end, forces=of(end.forces))
         members = tuple(replace(member, forces=of(member.forces)) for member in self.members)
         return replace(self, forces=forces, members=members, lower_end=end)
+
+    def dilatancy_in(self, assemblage: Assemblage) -> Dilatancy | None:
+        """Returns the dilatancy in the answer: what the method has found out, or else what follows
+        from forces and mechanism. None where these are missing, and under a guide, which moves a
+        support."""
+        statics, mechanism, alpha = assemblage.statics, self.mechanism, self.load_factor
+        if statics.guide is not None:
+            return None
+        if self.dilatancy is not None:
+            return self.dilatancy
+        if self.forces is None or mechanism is None or alpha is None:
+            return None
+        # power of the live load, f_L . u, at the load factor
+        power = assemblage.scaling.unit(alpha) * float(statics.live @ mechanism.ravel())
+        if not power > 0.0:
+            return None
+        relative = statics.relative_rates(mechanism)
+        return dilatancy_of(assemblage.scene, self.forces, relative, mechanism, power)
 
     def raised(
         self,

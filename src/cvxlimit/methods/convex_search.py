@@ -50,9 +50,6 @@ from cvxlimit.surfaces.coulomb import needed_surfaces
 LOOSE = 0.1
 """Tolerance of the first solver for a load alone: whether it stands shows far from the optimum."""
 
-_Ends = Generator[None, None, Status | None]
-"""As Steps, but None where no solver settled it."""
-
 
 def dead_load_falls(run: Run) -> bool:
     """True if the dead load cannot stand; see :func:`standing`."""
@@ -139,12 +136,13 @@ class ConvexSearch:
         """Sets the problem with the smallest model. Parts without live load are left out of it only
         if ``dead_state``, forces (n, 6) that carry the dead load, shows that they stand."""
         run, reductions = self.run, self.reductions
+        if self._given is not None:
+            self.problem = self._given
+            return
         with run.clock.phase("compile"):
             reduction = reductions.best(dead_state)
             run.reductions = reduction.names
-            self.problem = self._given or LimitProgram(
-                reductions.assemblage, run.surfaces, reduction=reduction
-            )
+            self.problem = LimitProgram(reductions.assemblage, run.surfaces, reduction=reduction)
 
     @property
     def ladder(self) -> Sequence[SolverSettings]:
@@ -227,8 +225,8 @@ class ConvexSearch:
         self.reference = state, factor
         self.certifier.offer_dead_state(state, factor)
 
-    def _solvers_in_turn(self) -> _Ends:
-        """Tries the ladder until a solver settles how it ends."""
+    def _solvers_in_turn(self) -> Generator[None, None, Status | None]:
+        """Tries the ladder until a solver settles how it ends; None where none does."""
         is_cut, stalled = False, set[str]()
         for settings in self.ladder:
             # with a bracket in hand, leave out what would not narrow it, or not in time

@@ -23,7 +23,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.answer import Answer
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import DIVISIONS, Formulation, corner_compressions
+from cvxlimit.model.formulations import Formulation, about_cells, corner_compressions
 from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.strength import ContactFlow
@@ -31,7 +31,7 @@ from cvxlimit.readings.moments import INDEPENDENT, Moments
 from cvxlimit.scene import Scene, check_scene
 from cvxlimit.solution import Iterate, Solution, Status
 from cvxlimit.solution.bracket import Bracket, known, rounded
-from cvxlimit.solution.kinematics import Dilatancy, dilatancy_of
+from cvxlimit.solution.kinematics import Dilatancy
 from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, versions
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import refuse_lost_cohesion, surfaces_of, words_of
@@ -330,16 +330,8 @@ class Method(ABC):
 
     def basis(self, run: Run) -> str:
         """What the bounds of ``run.best`` rest on, in a sentence."""
-        basis, contacts = run.best.bracket.basis, run.contacts
-        # contacts that crush and are no rectangles are a model of cells
-        is_weak = np.isfinite(contacts.compressive_strength) & ~contacts.is_rectangle
-        if not is_weak.any() or getattr(run.formulation, "sees_to_strength", False):
-            return basis
-        cells = (
-            "contacts that are not rectangles crush under pressures constant on cells, "
-            f"{DIVISIONS} across: the bracket is that of this model, which is on the safe side"
-        )
-        return f"{basis}; {cells}" if basis else cells
+        basis, cells = run.best.bracket.basis, about_cells(run.formulation, run.contacts)
+        return f"{basis}; {cells}" if basis and cells else basis or cells
 
 
 def drive(method: Method, run: Run) -> Solution:
@@ -391,7 +383,8 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     if best.load_factor is not None:
         best = replace(best, load_factor=best.bracket.clipped(best.load_factor))
     is_no_answer = has_answer and not (status.is_good or best.bracket.has_any)
-    dilatancy = None if method.axis == "flow" or is_no_answer else dilatancy_in(run, best)
+    is_unasked = method.axis == "flow" or is_no_answer
+    dilatancy = None if is_unasked else best.dilatancy_in(run.assemblage)
     return Solution(
         **question,
         scene_name=run.scene.name,
@@ -419,24 +412,6 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         surfaces=run.surfaces,
         tolerance=getattr(method, "tolerance", None),
     )
-
-
-def dilatancy_in(run: Run, answer: Answer) -> Dilatancy | None:
-    """Returns the dilatancy in an answer: what the method has found out, or else what follows from
-    forces and mechanism. None where these are missing, and under a guide, which moves a support."""
-    statics, mechanism, alpha = run.assemblage.statics, answer.mechanism, answer.load_factor
-    if statics.guide is not None:
-        return None
-    if answer.dilatancy is not None:
-        return answer.dilatancy
-    if answer.forces is None or mechanism is None or alpha is None:
-        return None
-    # power of the live load, f_L . u, at the load factor
-    power = run.scaling.unit(alpha) * float(statics.live @ mechanism.ravel())
-    if not power > 0.0:
-        return None
-    relative = statics.relative_rates(mechanism)
-    return dilatancy_of(run.scene, answer.forces, relative, mechanism, power)
 
 
 def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None) -> str:

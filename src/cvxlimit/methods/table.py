@@ -15,6 +15,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Method, Run
 from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.surfaces import Cone, YieldSurface
+from cvxlimit.surfaces.cones import parse_cone
 from cvxlimit.surfaces.coulomb import PARABOLIC, SURFACES
 
 MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy"]
@@ -63,7 +64,9 @@ def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str,
     kind = "own"
     if str(surface) in ("conic", PARABOLIC):
         kind = str(surface)
-    elif isinstance(surface, Cone) or (isinstance(surface, str) and surface not in SURFACES):
+    elif isinstance(surface, Cone) or (
+        isinstance(surface, str) and (_is_cone(surface) or surface not in SURFACES)
+    ):
         kind = "facets"
     if kind not in asked.surfaces:
         takes = [name for name, method in TABLE.items() if kind in method.surfaces]
@@ -101,6 +104,14 @@ def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
             f"{what} must be one of {', '.join(known)}, got {got}"
             + meant(value, known, before="; ")
         )
+
+
+def _is_cone(name: str) -> bool:
+    """Whether a surface's name is that of a cone, so that nobody else need be asked for it."""
+    try:
+        return bool(parse_cone(name))
+    except ModelError:
+        return False
 
 
 def _called(surface: Surface) -> str:

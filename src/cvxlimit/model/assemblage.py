@@ -12,15 +12,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import EPSILON, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, Formulation, corner_compressions
 from cvxlimit.model.statics import BALANCED, DOF, Scaling, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.solvers.sparse import Solve, factorised
-
-_NOTHING = 1e-13
-"""Entries of equilibrium below this share of the largest are rounding: a row of them is empty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +187,8 @@ class Equilibrium:
             matrix.eliminate_zeros()
         at = np.repeat(np.arange(len(size)), np.diff(matrix.indptr))
         each = np.bincount(at, np.abs(matrix.data), len(size))
-        rows = np.flatnonzero((each > _NOTHING * each.max(initial=0.0)) | (size != 0.0))
+        # a row of rounding is empty
+        rows = np.flatnonzero((each > EPSILON * each.max(initial=0.0)) | (size != 0.0))
         if len(rows) < len(size):
             matrix = matrix[rows]
         return cls(matrix, rows, len(size), scaling, rates)

@@ -304,6 +304,17 @@ def model_of(
     return model
 
 
+def about_cells(formulation: Formulation, contacts: Contacts) -> str:
+    """What is to be said of cells, where polygons crush on them; else empty."""
+    is_field = is_weak(contacts) & ~contacts.is_rectangle
+    if not is_field.any() or getattr(formulation, "sees_to_strength", False):
+        return ""
+    return (
+        "contacts that are not rectangles crush under pressures constant on cells, "
+        f"{DIVISIONS} across: the bracket is that of this model, which is on the safe side"
+    )
+
+
 def is_weak(contacts: Contacts) -> NDArray[np.bool_]:
     """Contacts that may crush, (n,), no points: where the strength is a Parameter all others,
     unless they say."""

@@ -61,25 +61,26 @@ class Given:
         return bool(self.joints) or loads
 
     @classmethod
-    def of(
-        cls, scene: Scene | Assemblage, joints: Mapping[str, Any], loads: Mapping[str, Any],
-        weights: Any, bounds: Mapping[str, Any],
-    ) -> Given:  # fmt: skip
-        strengths = {name: value for name, value in joints.items() if value is not None}
-        symbolic_loads = {name: value for name, value in loads.items() if value is not None}
-        own_bounds = {name: value for name, value in bounds.items() if value is not None}
-        is_own = not (strengths or symbolic_loads or own_bounds) and weights is None
-        if is_own and isinstance(scene, Assemblage):
+    def of(cls, scene: Scene | Assemblage, values: Mapping[str, Any]) -> Given:
+        """``values`` by name, of joints, loads, ``"weights"`` and bounds of reactions; None is the
+        scene's."""
+        own = {name: value for name, value in values.items() if value is not None}
+        if not own and isinstance(scene, Assemblage):
             statics = scene.statics
             return cls(scene, statics.contacts, statics.dead, statics.live, {})
         plain = scene.scene if isinstance(scene, Assemblage) else scene
         n, free = len(plain.contacts), len(plain.free)
-        values = {
+        kinds = [*PROPERTIES], ["dead", "live"], ["most", "least"]
+        strengths, loads, bounds = ({k: own.pop(k) for k in kind if k in own} for kind in kinds)
+        weights, symbolic_loads = own.pop("weights", None), dict(loads)
+        if own:
+            raise TypeError(f"a limit problem has no {next(iter(own))}")
+        joints = {
             name: _of_joints(plain, name, _shaped(name, value, n, "contacts"))
             for name, value in strengths.items()
         }
-        values |= _bounds(plain, own_bounds)
-        numbers = {k: v for k, v in values.items() if not isinstance(v, cp.Expression)}
+        joints |= _bounds(plain, bounds)
+        numbers = {k: v for k, v in joints.items() if not isinstance(v, cp.Expression)}
         if numbers:
             plain = _jointed(plain, numbers)
         for name, value in loads.items():
@@ -88,7 +89,7 @@ class Given:
         weight = None if weights is None else _shaped("weights", weights, free, "free blocks")
         if weight is not None and not isinstance(weight, cp.Expression):
             plain, weight = _weighing(plain, weight), None
-        symbols = {k: v for k, v in values.items() if isinstance(v, cp.Expression)}
+        symbols = {k: v for k, v in joints.items() if isinstance(v, cp.Expression)}
         is_same = plain is (scene.scene if isinstance(scene, Assemblage) else scene)
         whole = Assemblage.of(scene if is_same else plain)
         dead, live = whole.statics.dead, whole.statics.live

@@ -27,7 +27,7 @@ from cvxlimit.model.statement import LARGEST_FACTOR, Goal, LargestFactor, Stated
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Reference
-from cvxlimit.solvers import LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
+from cvxlimit.solvers import Ladder, LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
@@ -47,14 +47,17 @@ class LimitProgram(Changeable):
     Parameters
     ----------
     scene : Scene or Assemblage
-    surface, friction, cohesion, compressive_strength, tensile_strength, live, dead, weights, most
-        As :class:`~cvxlimit.LimitProblem` takes them, and ``least``.
+    surface
+        As :class:`~cvxlimit.LimitProblem` takes it.
     formulation : callable
         :func:`corner_compressions` (default), :func:`resultants`, or one of your own.
     reduction : Reduction or None
         A smaller model, with a formulation of its own.
     goal : callable
         What is maximised, stated to either sink; the load factor by default.
+    values
+        In place of the scene's, by the names that :class:`~cvxlimit.LimitProblem` has for them:
+        ``friction`` and so on.
 
     Raises
     ------
@@ -75,29 +78,17 @@ class LimitProgram(Changeable):
         scene: Scene | Assemblage,
         surface: str | Cone | Sequence[YieldSurface] = "conic",
         *,
-        friction: Any = None,
-        cohesion: Any = None,
-        compressive_strength: Any = None,
-        tensile_strength: Any = None,
-        live: Any = None,
-        dead: Any = None,
-        weights: Any = None,
-        most: Any = None,
-        least: Any = None,
         formulation: Formulation = corner_compressions,
         reduction: Reduction | None = None,
         goal: Goal = LARGEST_FACTOR,
+        **values: Any,
     ) -> None:
-        joints = {
-            "friction": friction, "cohesion": cohesion, "tensile_strength": tensile_strength,
-            "compressive_strength": compressive_strength,
-        }  # fmt: skip
         surfaces, self.surface = surfaces_of(surface)
-        loads, bounds = {"dead": dead, "live": live}, {"most": most, "least": least}
-        given = Given.of(scene, joints, loads, weights, bounds)
+        given = Given.of(scene, values)
         super().__init__(given, surfaces, formulation, reduction, goal)
         self.reference: Reference | None = None  # of the last bracket, for the next
         self.strengths = dict[Hashable, Any]()  # see Assemblage: at all values of the Parameters
+        self._ladders = dict[tuple[Shape, float], Ladder]()
         self._ready: ConeProgram | None = None  # rows that come from another problem
 
     @cached_property
@@ -176,8 +167,12 @@ class LimitProgram(Changeable):
         return written.at(written.theta.values())
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
-        """Solvers in the order in which to try them for a bracket within ``tolerance``."""
-        return limit_ladder(self.shape, tolerance)
+        """Solvers in the order in which to try them for a bracket within ``tolerance``, the same
+        at every value of the Parameters."""
+        asked = self.shape, tolerance
+        if asked not in self._ladders:
+            self._ladders[asked] = limit_ladder(*asked)
+        return self._ladders[asked]
 
     @cached_property
     def shape(self) -> Shape:

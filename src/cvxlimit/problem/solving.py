@@ -149,7 +149,7 @@ def solved(
     problem: LimitProgram, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
 ) -> Solution:
     """See :meth:`~cvxlimit.LimitProblem.solve`."""
-    ladder, own = asked_ladder(solver, None), dict(options)
+    ladder, own = None if solver is None else asked_ladder(solver, None), dict(options)
     for word, only in _CVXPYS.items():
         if own.pop(word, None) and only:
             raise ModelError(f"solve has no {word}=True: {only}; problem.problem.solve is CVXPY's")

@@ -30,7 +30,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.statics import DOF, block_sizes
+from cvxlimit.model.statics import BALANCED, DOF, block_sizes
 from cvxlimit.proof.gluing import glued, without_idle
 from cvxlimit.proof.opening import OpenedMechanism, open_mechanism, spare_opening
 from cvxlimit.proof.slater import Witnesses
@@ -54,12 +54,6 @@ class _Tolerances:
     gripping: float = 100.0
     """Friction coefficient from which gluing is tried although a bound is proved: the flow rule
     asks for an opening of friction times slip, so that slips by rounding widen the bracket."""
-    unresisted: float = 1e-10
-    """Share of the natural load factor taken off a lower bound where some forces are resisted by
-    nothing: ten times what counts as balanced. No reserve of strength absorbs it there."""
-    cost_of_proof: float = 1e-06
-    """A proved bound is preferred to a tighter one with an assumption if it is worse by no more
-    than this relative amount, a tenth of the width of bracket that counts as certified."""
 
 
 _TOLERANCES = _Tolerances()
@@ -283,15 +277,14 @@ class Certifier:
             return _Bound(-np.inf, False, errors)
 
         # Without a dead-load state, what is violated is weighted by the largest rate.
-        residual = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
         excess = self.strength.excess(x)
-        violated = residual.sum() + sum(float(np.maximum(y, 0.0).sum()) for y in excess)
-        error = violated * REFERENCE * rate if violated > 0.0 else 0.0
-        assumed = alpha - error if np.isfinite(error) else -np.inf
         dead_state, dead_factor = self.witnesses.dead_state, self.witnesses.factor
         is_balanced = self.is_balanced(x, alpha)
         if dead_state is None or not (is_balanced and self.is_balanced(dead_state, dead_factor)):
-            return _Bound(assumed, False, errors)
+            residual = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
+            violated = residual.sum() + sum(float(np.maximum(y, 0.0).sum()) for y in excess)
+            error = violated * REFERENCE * rate if violated > 0.0 else 0.0
+            return _Bound(alpha - error if np.isfinite(error) else -np.inf, False, errors)
 
         # The least share t of the dead-load state that brings the mixture inside all surfaces. That
         # of crushing is convex where rocking holds: it is asked again of that mixture.
@@ -312,8 +305,10 @@ class Certifier:
             unbalanced += EPSILON * self.statics.acting(forces, lower, self.size)
             hidden = float(unbalanced @ block_sizes(u, 1.0 / self.size)) / live
         lower = max(dead_factor, lower - hidden) if lower > dead_factor else lower - hidden
-        if self.strength.balance.held is not None:  # no reserve absorbs what nothing resists
-            unresisted = _TOLERANCES.unresisted * self.assemblage.scaling.ratio
+        # Where some forces are resisted by nothing no reserve of strength absorbs what is left:
+        # ten times what counts as balanced is taken off.
+        if self.strength.balance.held is not None:
+            unresisted = 10.0 * BALANCED * self.assemblage.scaling.ratio
             lower = max(dead_factor, lower - unresisted)
         return _Bound(lower, True, errors)
 
@@ -440,9 +435,10 @@ class Certifier:
 
 def _better(first: _Bound, second: _Bound, sign: float) -> _Bound:
     """Returns the better of two bounds: ``sign`` is 1.0 for lower bounds, -1.0 for upper ones. A
-    second bound that is proved is better at little cost where the first one is not."""
+    second bound that is proved is better where the first one is not, at a cost of a tenth of the
+    width of bracket that counts as certified."""
     gain = sign * (second.value - first.value)
     if first.is_proved == second.is_proved:
         return second if gain > 0.0 else first
-    cost = _TOLERANCES.cost_of_proof * abs(first.value) if np.isfinite(first.value) else 0.0
+    cost = 0.1 * TOLERANCE * abs(first.value) if np.isfinite(first.value) else 0.0
     return second if second.is_proved and gain >= -cost else first

@@ -15,7 +15,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import SMALL
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.driver import Run, dilatancy_in
+from cvxlimit.methods.driver import Run
 from cvxlimit.methods.table import TABLE
 from cvxlimit.model.statics import Scaling
 from cvxlimit.proof.checks import SLACK, Check, follows, is_alike, unseen, unseen_fields
@@ -160,7 +160,7 @@ def _dilatancy(said: Solution, run: Run, answer: Answer) -> Iterator[Check]:
         yield from [unseen("dilatancy")] if held else []
         return
     for factor in (said.load_factor, answer.load_factor) if said.flow == "associated" else ():
-        found = dilatancy_in(run, replace(answer, load_factor=factor))
+        found = replace(answer, load_factor=factor).dilatancy_in(run.assemblage)
         if is_met := _is_same(held, found):
             break
     if held is None and is_met:

@@ -68,10 +68,10 @@ class Reductions:
         contacts that crush and are no rectangles, whose conditions are on forces of their own, and
         for guided blocks, which need not move in the plane or like their mirror image.
         """
-        contacts = assemblage.contacts
-        crushes = is_weak(contacts).any() and EffectiveRectangles.of(contacts) is None
-        is_plain = assemblage.statics.guide is None and not crushes
-        if model == "full" or formulation is not corner_compressions or not is_plain:
+        contacts, is_guided = assemblage.contacts, assemblage.statics.guide is not None
+        if model == "full" or formulation is not corner_compressions or is_guided:
+            return cls(assemblage, formulation)
+        if is_weak(contacts).any() and EffectiveRectangles.of(contacts) is None:
             return cls(assemblage, formulation)
         # a plane is only looked for where normals of contacts and forces span no more than one
         statics, spread = assemblage.statics, np.zeros((3, 3))

@@ -16,6 +16,7 @@ from cvxlimit.base.doors import attached
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.methods.solving import solve
+from cvxlimit.model.statics import ZERO
 from cvxlimit.results.derivatives import (
     JOINTS,
     ByLoad,
@@ -33,7 +34,7 @@ from cvxlimit.surfaces import YieldSurface
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-NOTHING = 1e-6
+NOTHING = ZERO
 """Share of a load factor below which a change is not mentioned."""
 
 

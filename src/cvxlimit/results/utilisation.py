@@ -17,6 +17,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import Stated, admissible
+from cvxlimit.model.statics import ZERO
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import reading_of
 from cvxlimit.readings.pressure import Pressure
@@ -26,19 +27,6 @@ from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.surfaces import Cone, ParabolicTorsionShear, YieldSurface, utilisation
 from cvxlimit.surfaces.base import stated
 from cvxlimit.surfaces.coulomb import Rocking, Sliding, Torsion, TorsionShear, surfaces_named
-
-
-@dataclass(frozen=True)
-class _Numbers:
-    """The load factor is less by the share ``below``, so that rounding of it leaves forces to
-    choose from; a contact at its strength then shows 1 to about as many digits as are printed. The
-    width of a bracket is the excess and imbalance, over the largest compression, of forces that are
-    good for a picture."""
-
-    below: float = 1e-6
-
-
-_N = _Numbers()
 
 
 @dataclass(frozen=True)
@@ -75,12 +63,15 @@ def least_used(
     """The state (n, 6) that uses the joints least at a load factor, or None if none was found.
 
     ``forces`` are a state that carries it; no contact is pressed by more than twice their largest
-    compression.
+    compression. The load factor is less by a share that counts as none, so that rounding of it
+    leaves forces to choose from: a contact at its strength then shows 1 to about as many digits as
+    are printed. The width of a bracket is the excess and imbalance, over the largest compression,
+    of forces that are good for a picture.
     """
     most = 2.0 * float(forces[:, 2].max(initial=0.0))
     if scene.contacts.is_point.any() or (forces[:, 2] < -TOLERANCE * most).any():
         return None  # what pulls, or has no friction, has no share of a compression
-    assemblage, below = Assemblage.of(scene), (1.0 - _N.below) * factor
+    assemblage, below = Assemblage.of(scene), (1.0 - ZERO) * factor
     problem = LimitProgram(assemblage, surfaces, goal=LeastUse(surfaces, below, most))
     for settings in problem.ladder():
         found = problem.run(settings).forces

@@ -7,13 +7,14 @@ import os
 from collections.abc import Collection
 from dataclasses import KW_ONLY, dataclass, fields, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cvxlimit.base.arrays import FloatArray, RemadeFromFields
-from cvxlimit.base.checks import first_twice, meant, members, of_type, positive
+from cvxlimit.base.checks import members, of_type, positive
 from cvxlimit.base.doors import attached
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
@@ -26,6 +27,7 @@ from cvxlimit.scene.doubts import doubts
 from cvxlimit.scene.loads import GRAVITY, Load
 from cvxlimit.scene.reactions import Reaction, Tie, check_reactions, with_reactions
 from cvxlimit.scene.settling import SupportMotion, check_motions
+from cvxlimit.scene.supported import check_supported
 from cvxlimit.scene.units import DEFAULT_UNITS, Units
 
 
@@ -116,17 +118,18 @@ class Scene(RemadeFromFields, SceneJoints):
             cure = "write Load(acceleration=(1, 0, 0)), or Load() for none"
             of_type(getattr(self, case), Load, f"the {case} load must be a Load", cure)
         others = {*changed} - self.joint_values.keys()
+        known, fixed = {block.id for block in self.blocks}, set(self.supports)
         if len(others) < len(changed) or "blocks" in changed:
-            self._check_joints({block.id for block in self.blocks})
+            self._check_joints(known)
         if "joint_tolerance" in changed and self.joint_tolerance is not None:
             length = positive(self.joint_tolerance, "joint_tolerance of the scene")
             object.__setattr__(self, "joint_tolerance", length)
         if others & {*_SHAPES, "ties", "reactions"}:
-            _check_ids(self)
+            check_supported(self.blocks, self.supports, self.name)
+            check_reactions(self.ties, self.reactions, known, fixed)
         if "settling" in others:
             check_motions(self.settling, self.supports, self.name)
         if others & {*_SHAPES, "dead", "live"}:
-            known, fixed = {block.id for block in self.blocks}, set(self.supports)
             self.dead.check_blocks("dead", known, fixed)
             self.live.check_blocks("live", known, fixed)
             if not np.any(self.live_forces):
@@ -179,8 +182,7 @@ class Scene(RemadeFromFields, SceneJoints):
     @property
     def told(self) -> tuple[str, ...]:
         """What detection leaves out or simplifies, and numbers in doubt, a sentence each."""
-        lumped = "" if self.lumped is None else str(self.lumped)
-        return (*(said for said in (self.near_miss_note, lumped) if said), *self.doubts)
+        return tuple(filter(None, (self.near_miss_note, str(self.lumped or ""), *self.doubts)))
 
     @cached_property
     def _detection(self) -> Detection:
@@ -282,7 +284,7 @@ class Scene(RemadeFromFields, SceneJoints):
             live=self.live.moved(turn, translation),
             ties=tuple(t.moved(turn, shift) for t in self.ties),
             reactions=tuple(r.moved(turn, shift) for r in self.reactions),
-            settling=tuple(x.moved(turn, np.asarray(translation)) for x in self.settling),
+            settling=tuple(x.moved(turn, shift) for x in self.settling),
         )
 
     @classmethod
@@ -379,9 +381,8 @@ class Scene(RemadeFromFields, SceneJoints):
     def _beside(self, name: str, value: object) -> Scene:
         """The same scene, whose contacts follow from something else."""
         copy = object.__new__(type(self))
-        copy.__dict__.update(self.__dict__, **{name: value})
-        for follows in ("contacts", "lumped"):
-            copy.__dict__.pop(follows, None)
+        kept = {k: v for k, v in vars(self).items() if k not in ("contacts", "lumped")}
+        copy.__dict__.update(kept, **{name: value})
         return copy
 
     @cached_property
@@ -410,10 +411,8 @@ class Scene(RemadeFromFields, SceneJoints):
         InputError
             If the two do not have the same blocks, supports, joint tolerance and tied blocks.
         """
-        same = self.blocks is other.blocks and all(
-            getattr(self, name) == getattr(other, name)
-            for name in ("supports", "joint_tolerance", "_tied")
-        )
+        about = attrgetter("supports", "joint_tolerance", "_tied")
+        same = self.blocks is other.blocks and about(self) == about(other)
         if not same and self.geometry != other.geometry:
             raise InputError(
                 f"scenes {self.name!r} and {other.name!r} differ in their blocks, supports, "
@@ -445,31 +444,7 @@ def check_scene(value: Any) -> None:
     """Refuse anything but a scene, and say how to make one."""
     if isinstance(value, Scene):
         return
-    name, cure = repr(value), "builtin_scene('arch') makes one"
+    cure = "builtin_scene('arch') makes one"
     if isinstance(value, str):
-        cure = f"write builtin_scene({name}), or read_scene({name}) if it is a file"
+        cure = f"write builtin_scene({value!r}), or read_scene({value!r}) if it is a file"
     of_type(value, Scene, "scene must be a Scene", cure)
-
-
-def _check_ids(scene: Scene) -> None:
-    known = set(ids := [block.id for block in scene.blocks])
-    if (twice := first_twice(ids)) is not None:
-        raise InputError(f"block id {twice!r} is used twice: ids must be unique")
-    for key in scene.supports:
-        if key not in known:
-            cure = meant(key, known) or "add it to the blocks"
-            raise InputError(f"support {key!r} is not a block of the scene; {cure}")
-    check_reactions(scene.ties, scene.reactions, known, set(scene.supports))
-    if (twice := first_twice(scene.supports)) is not None:
-        raise InputError(f"support {twice!r} is listed twice")
-    if not len(scene.free):
-        raise InputError(
-            f"scene {scene.name!r} has no free block: at least one block must not be a support"
-        )
-    for i in scene.free:
-        if scene.blocks[i].density is None:
-            raise InputError(
-                f"free block {scene.blocks[i].id!r} has no density; give its weight "
-                "per volume, or name the block among the supports"
-                + ("" if scene.supports else ", of which the scene has none")
-            )

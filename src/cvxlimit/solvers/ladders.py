@@ -34,10 +34,9 @@ class LadderNumbers:
     finest: float = 1e-10
     refinements: int = 20  # ... which it refines in at most so many rounds.
     # Tolerance of forces that count to 1e-9 of the load, of fixed-point iterates by Clarabel, and
-    # of the blockwise solver on fewer variables than ``few``. There digits are cheap and Clarabel
-    # comes next: contacts of weak stone may be too large for the blockwise solver.
+    # of the blockwise solver on small problems. There digits are cheap and Clarabel comes next:
+    # contacts of weak stone may be too large for the blockwise solver.
     tight: float = 1e-9
-    few: int = 1000
     tight_iterations: int = 100  # Most iterations at that tolerance.
     # Tolerance of nodes of branch and bound, and of fixed-point iterates by the solver that starts
     # warm, ...
@@ -57,13 +56,13 @@ class LadderNumbers:
     steps: float = 5e-6  # Tolerance of safe steps by the solver that starts warm, ...
     steps_from: int = 200  # ... which comes first from so many contacts on.
     enough: float = 1 / 3  # Gap of the blockwise solver, over the width of the bracket asked for.
-    tiny: int = 100  # Variables up to which Clarabel comes first in any case.
 
 
 NUMBERS = LadderNumbers()
 
 BLOCKWISE_FROM = {"conic": 100, "facets": 500, "lean": 1_000}
-"""From how many variables on the blockwise solver comes first, by the kind of problem."""
+"""From how many variables on the blockwise solver comes first, by the kind of problem. From the
+most of them on a problem is large; up to the fewest it is tiny, and Clarabel comes before QOCO."""
 
 
 def blockwise(
@@ -74,28 +73,25 @@ def blockwise(
     row = SOLVERS.get("BLOCKWISE")
     if row is None or row.lacks:
         return ()
-    return (settings_for(row.name, tolerance, label, iterations=iterations),)
+    return (row.at(tolerance, label, iterations),)
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
     """Returns solvers in order: Clarabel, Clarabel in units of its own answer, which weights far
     apart need, Clarabel at tighter tolerances, and every other installed solver that takes the
     problem."""
-    ladder = [
-        settings_for("CLARABEL"),
+    clarabel = SOLVERS["CLARABEL"]
+    others = [row for row in SOLVERS.values() if row.is_tried and row.name in installed()]
+    return (
+        clarabel.at(),
         settings_for("RESCALED", None, "CLARABEL rescaled"),
         *(settings_for("RESCALED", None, f"{own} rescaled", first=str(own)) for own in blockwise()),
-        settings_for(
-            "CLARABEL", 1e-13, "CLARABEL tight",
-            iterations=500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50,
+        clarabel.at(
+            1e-13, "CLARABEL tight", 500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50
         ),
-        settings_for(
-            "CLARABEL", 1e-12, "CLARABEL unequilibrated", iterations=500, equilibrate_enable=False
-        ),
-    ]  # fmt: skip
-    others = [row for row in SOLVERS.values() if row.is_tried and row.name in installed()]
-    ladder += [settings_for(row.name) for row in others if row.has_cones or not is_conic]
-    return tuple(ladder)
+        clarabel.at(1e-12, "CLARABEL unequilibrated", 500, equilibrate_enable=False),
+        *(row.at() for row in others if row.has_cones or not is_conic),
+    )
 
 
 def ladder_of(
@@ -256,15 +252,16 @@ def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
     if own and shape.variables >= BLOCKWISE_FROM[kind]:
         # Its iterates satisfy equilibrium and are strictly inside, so that its gap is the bracket.
         asked, tight = NUMBERS.enough * tolerance, replace(own[0], label="BLOCKWISE tight")
-        if shape.variables >= max(NUMBERS.few, BLOCKWISE_FROM[kind]):
+        if shape.variables >= max(BLOCKWISE_FROM.values()):
             return (*blockwise(asked), tight, first, *others)
         return (*blockwise(min(asked, NUMBERS.tight)), first, tight, *others)
     # Smaller ones without QOCO, or with a bracket that it often fails to reach: Clarabel first.
     if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.leading)):
         return (first, *own, *others)
-    # Others: QOCO first, unless the problem is tiny.
+    # Others: QOCO first, unless the problem is tiny: there it opens strong stone where Clarabel
+    # fails.
     lean = NUMBERS.finest if kind == "lean" else None
-    if shape.variables <= NUMBERS.tiny:  # second: it opens strong stone where Clarabel fails
+    if shape.variables <= BLOCKWISE_FROM["conic"]:
         return (first, settings_for("QOCO", lean), *own, *others)
     refined: dict[str, Any] = {"ir_tol": NUMBERS.finest, "max_ir_iters": NUMBERS.refinements}
     quick = settings_for("QOCO", lean, **refined)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from typing import Any
 
@@ -75,6 +75,18 @@ class Solver:
             return self.name not in SOLVER_MAP_QP
         return cp.SOC in interface.SUPPORTED_CONSTRAINTS
 
+    def at(
+        self, tolerance: float | None = None, label: str = "", iterations: int | None = None,
+        **options: Any,
+    ) -> SolverSettings:  # fmt: skip
+        """Settings as :func:`settings_for` makes them."""
+        asked = self.tight if tolerance is None else tolerance
+        budget = {} if iterations is None else {self.iterations: iterations}
+        own = {**self.options, **dict.fromkeys(self.tolerances, asked), **budget, **options}
+        settings = SolverSettings(self.name, own, label)
+        settings.__dict__["row"] = self  # which need not be looked up
+        return settings
+
 
 _CLARABEL = ("tol_gap_abs", "tol_gap_rel", "tol_feas")
 _OWN_LDL = {"direct_solve_method": "qdldl", "max_iter": 200}
@@ -136,7 +148,7 @@ class SolverSettings:
     def __str__(self) -> str:
         return self.label or self.name
 
-    @property
+    @cached_property
     def row(self) -> Solver:
         """The solver's row in the table; one without a row has CVXPY's settings."""
         row = SOLVERS.get(self.name) if self.plug_in is None else None
@@ -165,11 +177,8 @@ def settings_for(
     >>> settings_for("SCS", 1e-4).options["eps_rel"]
     0.0001
     """
-    row = SolverSettings(solver).row
-    asked = row.tight if tolerance is None else ratio(tolerance, "tolerance")
-    budget = {} if iterations is None else {row.iterations: iterations}
-    own = {**row.options, **dict.fromkeys(row.tolerances, asked), **budget, **options}
-    return SolverSettings(solver, own, label)
+    asked = None if tolerance is None else ratio(tolerance, "tolerance")
+    return SolverSettings(solver).row.at(asked, label, iterations, **options)
 
 
 def check_installed(settings: SolverSettings) -> None:

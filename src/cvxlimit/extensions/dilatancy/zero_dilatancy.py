@@ -181,8 +181,7 @@ class _Searches:
         ]
         bound = aside.best.bracket
         if np.isfinite(bound.upper):
-            bracket = run.best.bracket.lowered(bound.upper, bound.upper_is_proved)
-            run.best = Answer(bracket=bracket)
+            run.best = Answer(bracket=run.best.bracket.lowered(bound.upper, bound.upper_is_proved))
         self._report()
 
     def _begin(self) -> None:  # a search, whose budget counts from here

@@ -304,16 +304,12 @@ def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) ->
         return [part for body in bodies for part in separated(body)]
 
 
-def obj_file(path: Path, notes: list[str]) -> list[Body]:
-    return read_obj(decoded(read_bytes(path)))
+def _of_text(read: Callable[[str], list[Body]]) -> Callable[[Path, list[str]], list[Body]]:
+    """Returns the reader of files whose text one reads."""
+    return lambda path, notes: read(decoded(read_bytes(path)))
 
 
-def off_file(path: Path, notes: list[str]) -> list[Body]:
-    return read_off(decoded(read_bytes(path)))
-
-
-def table_file(path: Path, notes: list[str]) -> list[Body]:
-    return read_table(decoded(read_bytes(path)))
+obj_file, off_file, table_file = map(_of_text, (read_obj, read_off, read_table))
 
 
 def mesh_file(path: Path, notes: list[str]) -> list[Body]:
@@ -374,10 +370,9 @@ def _read(files: Sequence[Path], notes: list[str]) -> list[Body]:
     result: list[Body] = []
     for file in files:
         bodies = read_bodies(file, notes)
-        alone = len(bodies) == 1
         for i, body in enumerate(bodies, 1):
-            own = file.stem if alone and (len(files) > 1 or not body.name) else body.name or f"b{i}"
-            result.append(replace(body, name=own))
+            is_named = len(bodies) > 1 or (len(files) == 1 and body.name)
+            result.append(replace(body, name=body.name or f"b{i}" if is_named else file.stem))
     return result
 
 
@@ -387,8 +382,7 @@ def _unique(bodies: Sequence[Body], notes: list[str]) -> list[Body]:
         seen[body.name] += 1
         number = seen[body.name]
         unique.append(replace(body, name=f"{body.name}#{number}") if number > 1 else body)
-    several = sum(times > 1 for times in seen.values())
-    if several:
+    if several := sum(times > 1 for times in seen.values()):
         notes.append(
             f"{several} names stand for several blocks: the later ones are numbered #2 ..."
         )

@@ -28,11 +28,7 @@ from cvxlimit.results.utilisation import contact_forces, least_used_state
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded_down, rounded_up
-from cvxlimit.solution.said import said
-
-DIGITS = 7
-"""Significant digits of numbers in the page; coordinates have as many relative to the structure's
-size, however far away the origin is: finer than a pixel at any useful zoom."""
+from cvxlimit.solution.said import DIGITS, said
 
 _MOST_SOLVED = 400
 """Contacts up to which a page shows the state that uses joints least; finding it takes a second."""
