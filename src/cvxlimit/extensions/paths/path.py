@@ -361,7 +361,7 @@ class Path:
             is_limit = self.flow == "associated"
             which = "an upper limit" if is_limit else "one of several possible paths"
             which += ": joints slide on the way, so that the curve depends on the step"
-        if self.followed:
+        if self.followed and not self.slides_away:
             which = "an interval over step and flow: no iterates came to rest on the way"
         yield "in words", which
         first, last = (f"{self.load_factor[k]:.5g}" for k in (0, -1))
