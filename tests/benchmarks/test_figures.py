@@ -6,6 +6,7 @@ import pytest
 from benchmarks.experiments import figures
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(not hasattr(figures.os, "fork"), reason="scenes are solved in forks")
 def test_another_friction_moves_what_slides_then() -> None:
     """A block of 0.4 by 1 tips at 0.4 with friction of 0.7, and slides with 0.1."""

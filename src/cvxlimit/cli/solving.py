@@ -143,7 +143,8 @@ class Files:
             return None
         return solve(scene, solution.surfaces, method="zero-dilatancy")
 
-    def write(self, scene: Scene, solution: Solution, other: Solution | None) -> Iterator[Path]:
+    def write(self, scene: Scene, solution: Solution) -> Iterator[Path]:
+        """Writes all but the report."""
         if self.is_piped:
             typer.echo(encoded(result_to_dict(solution)), nl=False)
         elif self.json is not None:
@@ -158,8 +159,6 @@ class Files:
                 complain(f"{path} is not drawn: {error}")
         if self.export is not None:
             yield from export(scene, self.export, solution)
-        if self.report is not None:
-            yield solution.of(scene).report(self.report, without_dilatancy=other)
 
 
 def _drawn(kind: str, scene: Scene, solution: Solution, path: Path) -> Sequence[Path]:
@@ -173,8 +172,11 @@ def deliver(
 ) -> ExitCode:
     written, other = list[str](), None
     try:
-        other = files.without(scene, solution)
-        written.extend(str(path) for path in files.write(scene, solution, other))
+        written.extend(str(path) for path in files.write(scene, solution))
+        other = files.without(scene, solution)  # a search, after all else is there
+        if files.report is not None:
+            page = solution.of(scene).report(files.report, without_dilatancy=other)
+            written.append(str(page))
     finally:  # hours of work are shown even if the disk is full by now
         origin = "built-in" if name in BUILTIN else name
         with redirect_stdout(sys.stderr) if files.is_piped else nullcontext():

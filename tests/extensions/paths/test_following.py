@@ -12,7 +12,17 @@ import pytest
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from cvxlimit import Block, Load, Path, Scene, Units, builtin_scene, prove, pushover
+from cvxlimit import (
+    Block,
+    Load,
+    Path,
+    Scene,
+    Units,
+    builtin_scene,
+    code_check,
+    prove,
+    pushover,
+)
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.paths import proof
 from cvxlimit.extensions.paths.configuration import Configuration
@@ -283,6 +293,7 @@ def test_a_path_that_slides_has_the_run_with_half_of_every_step_beside_it() -> N
     assert path.d0_interval == (fine.d0, path.d0)
     assert f"{fine.d0:.4g} m (zero) instead of {path.d0:.4g} m" in path.notes[1]
     assert "by the step" in repr(path)
+    assert str(code_check(path)).count("by the step") >= 3  # d0 and both limit states
     given = quick(pushing_another(), step=path.step, until=0.2)
     assert given.slides
     assert given.halved is None

@@ -99,6 +99,7 @@ def test_steps_make_no_capacity_of_it(step: float) -> None:
         refused(pushover(on_ground(1.0, 0.3), step=step, flow=flow, certify="none"), 0.3)
 
 
+@pytest.mark.exhaustive
 def test_a_path_that_did_not_get_anywhere_slides_too() -> None:
     """Of twelve courses on equal joints any may slide, and steps settle on none."""
     path = pushover(on_ground(2.0, 0.3, courses=12), certify="none")

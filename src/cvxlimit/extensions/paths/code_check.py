@@ -282,38 +282,37 @@ def code_check(
     gravity = positive(g, "g") / metre
     along, size = _push(scene)
     weight, rate, spread = _moving(path, along, groups)
-    total, first, second = weight.sum(), weight @ rate, weight @ rate**2
-    if own_inertia:
-        second += spread
-    over = f"{path.load_factor[0] / (path.initial.load_factor or np.inf) - 1.0:+.1%}"
+    total, first = weight.sum(), weight @ rate
+    second = weight @ rate**2 + own_inertia * spread
+    over = path.load_factor[0] / (path.initial.load_factor or np.inf) - 1.0
     whole, (path, notes) = path, _finer(path)
     refused = next((x.headline for x in (whole, path) if x.slides_away), "")
     if path.slides and not refused:
         notes = (f"on the path {path.headline}", *notes)
     if own_inertia:
         notes = (*notes, "e* is over the bodies, which turn, and not of weights at their centroids")
-    if over[1:] != "0.0%":
-        notes = (*notes, f"friction acts at points, which changes a0* by {over} against solve's")
+    if abs(over) >= 0.0005:  # which shows as 0.1 %
+        notes += (f"friction acts at points, which changes a0* by {over:+.1%} against solve's",)
     e_star = first**2 / (total * second)
-    spectral = second / (_at_control(path, along) * first)  # displacement over the control point's
+    spectral = float(second / (_at_control(path, along) * first))  # over the control point's
     times = size * gravity / (e_star * factor)  # acceleration over the load factor
     d0, ends = (np.nan, "") if refused else _end(path)
 
-    def between(share: float) -> str:
-        low, high = (f"{share * spectral * end:.4g}" for end in whole.d0_interval)
-        return f", {low} to {high} by step and flow" * bool(whole.followed)
+    def with_interval(what: str, share: float) -> str:
+        return ", ".join(filter(None, (what, whole.interval(share * spectral))))
 
     half = 0.5 * path.load_factor.max()
-    drops = [k for _, k in path.pieces[:-1] if path.load_factor[k - 1] - path.load_factor[k] > half]
-    failures = [(path.displacement[k - 1], "a snap costs more than half of it") for k in drops]
-    for k, what in enumerate(path.failed):
-        if what and path.load_factor[k - 1] - path.load_factor[k] > half:
-            failures.append((path.displacement[k - 1], f"{what} costs more than half of it"))
+    named = [*((k, "a snap") for _, k in path.pieces[:-1]), *enumerate(path.failed)]
+    failures = [
+        (path.displacement[k - 1], f"{what} costs more than half of it")
+        for k, what in named
+        if what and path.load_factor[k - 1] - path.load_factor[k] > half
+    ]
     if local_failure is not None:
         failures.append((positive(local_failure, "local failure"), "the local failure given"))
 
     def limit(share: float, period: float) -> Limit:
-        at, basis = min([(share * d0, f"{share:g} d0{between(share)}"), *failures])
+        at, basis = min([(share * d0, with_interval(f"{share:g} d0", share)), *failures])
         found = configuration_at(path, at)
         a, d = times * found.load_factor, spectral * at
         return Limit(float(d), float(a), float(period * np.pi * np.sqrt(d / a)), basis, found)
@@ -322,7 +321,7 @@ def code_check(
     return CodeCheck(
         scene.name, scene.units, factor, gravity, positive(q, "q"), float(total), float(e_star),
         float(times * path.load_factor[0]), spectral * path.displacement,
-        times * path.load_factor, path.pieces, float(spectral * d0), ends + between(1.0),
+        times * path.load_factor, path.pieces, float(spectral * d0), with_interval(ends, 1.0),
         slv, slc, notes, refused,
         _in_time(path, motions, np.nan if slv is None else float(slv.displacement / spectral)),
     )  # fmt: skip

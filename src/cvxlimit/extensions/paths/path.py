@@ -127,8 +127,7 @@ class Path:
 
     def __repr__(self) -> str:
         first, last = self.load_factor[0], self.load_factor[-1]
-        low, high = self.d0_interval
-        both = f", d0 {low:.4g} to {high:.4g} by {self._by}" if low < high else ""
+        both = f", d0 {self.interval()}" if self.interval() else ""
         both = ", slides: no d0" if self.slides_away else both
         return (
             f"Path({self.scene.name!r}: {len(self) - 1} steps, load factor {first:.5g} to "
@@ -300,6 +299,13 @@ class Path:
         followed by the other flow rule; NaN where none has one."""
         found = [self.d0, *(run.d0 for run in (self.halved, self.other_flow) if run is not None)]
         return float(np.fmin.reduce(found)), float(np.fmax.reduce(found))
+
+    def interval(self, times: float = 1.0) -> str:
+        """Both ends of :attr:`d0_interval`, ``times`` a factor, and what it is over; empty where
+        nothing is followed and they are one, and without any."""
+        low, high = (f"{times * d0:.4g}" for d0 in self.d0_interval)
+        has_any = low != "nan" and (self.followed or low != high)
+        return f"{low} to {high} by {self._by}" if has_any else ""
 
     @property
     def pieces(self) -> tuple[tuple[int, int], ...]:

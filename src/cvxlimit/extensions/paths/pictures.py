@@ -94,7 +94,7 @@ def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[st
     ax.set_xlim(left=min(0.0, ax.dataLim.x0))
     ax.set(xlabel=f"spectral displacement ({unit})", ylabel=f"spectral acceleration ({unit}/s²)")
     end = "" if check.refused else f", d0 = {check.d0:.3g} {unit}"
-    end += ", an interval" * bool(end and "by step and flow" in check.ends)
+    end += ", an interval" * bool(end and " by " in check.ends)
     chart.write(f"{printable(check.scene_name)}: a0* = {check.a0_star:.3g} {unit}/s², "
                 f"e* = {check.e_star:.3g}{end or ': slides, no d0'}")  # fmt: skip
     chart.write_legend()

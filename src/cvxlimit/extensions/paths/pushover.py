@@ -220,6 +220,8 @@ def pushover(
             )  # fmt: skip
 
         def is_level() -> bool:
+            if walk.found[-1].shown.w <= walk.size:  # which needs no path to be made
+                return False
             so_far = made("slides", "")
             return so_far.level_for(walk.size) and so_far.slides_away
 
