@@ -4,19 +4,17 @@ once."""
 from __future__ import annotations
 
 import json
-import pickle
-import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from inspect import Parameter, Signature, signature
 from typing import Any
 
 import numpy as np
 
 from cvxlimit.base.checks import is_number, meant, ratio
-from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.extensions.studies.identity import digest, row_identity, surface_forms
 from cvxlimit.extensions.studies.patched import PatchedProblem, strengths_of
@@ -33,7 +31,6 @@ from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.solution.said import said
 from cvxlimit.solvers import asked_ladder, ladder_of
-from cvxlimit.solvers.threads import one_thread
 from cvxlimit.surfaces.coulomb import surfaces_of
 
 Row = dict[str, Any]
@@ -214,7 +211,19 @@ class Study:
         parts.append(digest(self.measure, "measure"))
         return replace(self, asked=digest(parts, "the sweep"))
 
-    def row(self, variation: Mapping[str, Any], known: Structures) -> Row:
+    def __call__(self, group: Sequence[tuple[str, Row]]) -> list[Row]:
+        """Returns the rows of some variations, which are given with their names."""
+        return [self.row(variation) for _, variation in group]
+
+    @cached_property
+    def known(self) -> Structures:
+        """What its rows share in this process."""
+        return Structures()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "known"}
+
+    def row(self, variation: Mapping[str, Any]) -> Row:
         """Returns the answer to one variation. Where rows are stored it has its identity, alone if
         that is stored already, and otherwise with the result file that proves it."""
         start = time.perf_counter()
@@ -224,11 +233,11 @@ class Study:
             scene = self._scene(parameters)
             if self.asked:
                 surface = options.get("surface", self.options.get("surface", "conic"))
-                alike = known.sharing(scene)
+                alike = self.known.sharing(scene)
                 result[IDENTITY] = row_identity(self.asked, alike, surface, options)
                 if result[IDENTITY] in self.stored:
                     return {IDENTITY: result[IDENTITY]}
-            result |= self._solved(scene, options, known)
+            result |= self._solved(scene, options)
         except CvxlimitError as error:
             result["error"] = str(error)
         except Exception as error:  # a factory may raise what it likes; the row keeps the reason
@@ -239,9 +248,9 @@ class Study:
                 return {IDENTITY: result[IDENTITY]}
         return result | {"seconds": time.perf_counter() - start}
 
-    def _solved(self, scene: Scene, options: Row, known: Structures) -> Row:
+    def _solved(self, scene: Scene, options: Row) -> Row:
         """Returns the results of one scene, by column."""
-        solution = _answer(known, scene, {**self.options, **options})
+        solution = _answer(self.known, scene, {**self.options, **options})
         figures = results_of(solution)
         figures |= dict(self.measure(solution) if self.measure else {})
         if self.asked:
@@ -296,37 +305,3 @@ def _is_patched(options: Row) -> bool:
     return (
         is_plain and options.get("method") in (None, "convex") and options.get("model") != "least"
     )
-
-
-def packed(study: object) -> bytes:
-    """Returns a study as bytes for other processes; raises ModelError if it cannot be sent."""
-    pickler = needed("cloudpickle", "frames", "sweeps over processes")
-    try:
-        result: bytes = pickler.dumps(study)
-    except Exception as error:  # pickling asks the objects, which may raise what they like
-        raise ModelError(
-            "the factory, the options or the measure cannot be sent to another process: "
-            f"{' '.join(str(error).split())[:200]}"
-        ) from error
-    return result
-
-
-class _Kept(threading.local):
-    def __init__(self) -> None:
-        self.studies: OrderedDict[str, tuple[Study, Structures]] = OrderedDict()
-
-
-_kept = _Kept()
-
-
-def work(name: str, study: bytes, variations: Sequence[Mapping[str, Any]]) -> list[Row]:
-    """Returns the rows of some variations; the study of this ``name`` is unpacked once per
-    thread."""
-    seen = _kept.studies
-    if name not in seen:
-        seen[name] = pickle.loads(study), Structures()
-        if len(seen) > 2:  # this one, and one that overlaps with it
-            seen.popitem(last=False)
-    found, known = seen[name]
-    with one_thread():
-        return [found.row(variation, known) for variation in variations]

@@ -7,8 +7,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import islice
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, of_type, ratio
 from cvxlimit.base.progressbar import progress_bar
+from cvxlimit.base.search import searched
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.domains.document import read_domain, write_domain
@@ -24,7 +24,6 @@ from cvxlimit.extensions.studies.domains.images import Raw, images
 from cvxlimit.extensions.studies.domains.polytopes import FLAT
 from cvxlimit.extensions.studies.domains.supports import Structure, Support
 from cvxlimit.extensions.studies.identity import digest, row_identity, surface_forms
-from cvxlimit.extensions.studies.sweeping import solved
 from cvxlimit.io.scenes import LOAD, scene_digest
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, MethodName, check_choice
@@ -40,9 +39,6 @@ from cvxlimit.surfaces.coulomb import SurfaceName
 
 PUSHES = {"a_x": Load(acceleration=(1, 0, 0)), "a_y": Load(acceleration=(0, 1, 0))}
 """Loads unless others are given: pushes of the weight along both horizontal axes."""
-
-_SECONDS = 1.0
-"""Answers wait this long at most before they are written: a file of many takes as long as one."""
 
 METHODS = ("convex", "exact", "certified", "zero-dilatancy")
 
@@ -67,19 +63,19 @@ class Study:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "structure"}
 
-    def row(self, question: Mapping[str, Any], known: object) -> dict[str, Any]:
-        """Returns the answer to one question: a direction (k,) in natural load factors."""
-        direction = np.asarray(question["direction"])
+    def __call__(self, question: tuple[FloatArray, float]) -> tuple[list[Raw | Solution], int]:
+        """Returns the answers to a question, and how many solves they took. It is a direction (k,)
+        in natural load factors, and how far known rays go along it."""
+        direction, along_rays = question
         if self.method == "convex":
             before = len(self.structure.run.history)
-            answers = self.structure.answers(direction, WINDOW, question["along_rays"])
-            solves = len(self.structure.run.history) - before
-            return {"answers": answers, "solves": solves}
+            answers = self.structure.answers(direction, WINDOW, along_rays)
+            return [*answers], len(self.structure.run.history) - before
         scene = self.scene.with_live(combined(self.loads, self.structure.units * direction))
         answer = solve(scene, method=self.method, **self.options)  # type: ignore[arg-type]
         if answer.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
-        return {"answers": [answer], "solves": 1}
+        return [answer], 1
 
 
 class Search:
@@ -107,13 +103,10 @@ class Search:
         solves."""
         status = None
         try:
-            for direction in self.first():
-                if not self._was_asked(direction):
-                    self._ask([direction], None)
+            first = (way for way in self.first() if not self._was_asked(way))
+            self._ask(partial(next, first, None), None)
             self.refer()
-            batch = 1 if executor is None else getattr(executor, "_max_workers", 4)
-            while self.domain.solves < most and (asked := list(islice(self.next(), batch))):
-                self._ask(asked, executor)
+            self._ask(lambda: self._most_useful(most), executor)
         except KeyboardInterrupt:
             if not self.domain.supports:
                 raise
@@ -122,16 +115,23 @@ class Search:
         self._keep(status or status_of(self.domain))
         return self.domain
 
-    def _ask(self, questions: Sequence[FloatArray], executor: Any) -> None:
-        """Asks in directions (k,) at once, and takes the answers as they come."""
-        rays = self.domain.rays / self.domain.units
-        rays /= np.abs(rays).max(axis=1, initial=1e-300, keepdims=True)
-        todo = {
-            str(i): {"direction": q, "along_rays": float((rays @ q).max(initial=-np.inf))}
-            for i, q in enumerate(questions)
-        }
-        for key, row in solved(self.study, todo, executor):
-            self.take(questions[int(key)], row)
+    def _most_useful(self, most: int) -> FloatArray | None:
+        return next(self.next(), None) if self.domain.solves < most else None
+
+    def _ask(self, following: Callable[[], FloatArray | None], executor: Any) -> None:
+        """Asks in the directions that follow, and takes the answers as they come."""
+
+        def question() -> tuple[FloatArray, float] | None:
+            if (direction := following()) is None:
+                return None
+            self.asked.append(direction)
+            rays = self.domain.rays / self.domain.units
+            rays /= np.abs(rays).max(axis=1, initial=1e-300, keepdims=True)
+            return direction, float((rays @ direction).max(initial=-np.inf))
+
+        at_once = getattr(executor, "_max_workers", 4)
+        for (direction, _), answered in searched(self.study, question, executor, at_once):
+            self.take(direction, *answered)
             self._keep(Status.NOT_CERTIFIED)
             is_convex = self.domain.is_convex
             self.advance(f"gap {self.domain.gap_said}" if is_convex else "points one by one")
@@ -141,7 +141,7 @@ class Search:
         seconds = time.perf_counter() - self.started
         self.domain = replace(self.domain, status=status, seconds=seconds)
         is_last, waited = status is not Status.NOT_CERTIFIED, seconds - self.written
-        if self.path is not None and (is_last or waited > _SECONDS):
+        if self.path is not None and (is_last or waited > 1.0):  # many take as long as one
             self.written = seconds
             write_domain(self.domain, self.path)
 
@@ -158,22 +158,18 @@ class Search:
                 direction, factors, forces, forces, None, False, solution.history[-1], s.is_mirrored
             )  # fmt: skip
 
-    def take(self, direction: FloatArray, row: Mapping[str, Any]) -> None:
-        """Adds to the domain what an answer and its mirror images prove."""
-        self.asked.append(direction / np.linalg.norm(direction))
+    def take(self, direction: FloatArray, answers: Sequence[Raw | Solution], solves: int) -> None:
+        """Adds to the domain what answers and their mirror images prove."""
         supports = list[Support]()
-        for answer in row["answers"]:
+        for answer in answers:
             if isinstance(answer, Solution):
                 supports += self._of_solution(direction, answer)
                 continue
             for raw in (answer, *images(answer, self.structure.mirrors)):
                 self.raw.append(raw)
                 supports.append(self.structure.proved(raw))
-        self.domain = replace(
-            self.domain,
-            supports=(*self.domain.supports, *supports),
-            solves=self.domain.solves + row["solves"],
-        )
+        domain, every = self.domain, (*self.domain.supports, *supports)
+        self.domain = replace(domain, supports=every, solves=domain.solves + solves)
 
     def _of_solution(self, direction: FloatArray, solution: Solution) -> Iterator[Support]:
         """Yields the supports that a solution in a direction (k,) proves."""
