@@ -14,10 +14,10 @@ import sys
 import sysconfig
 from collections.abc import Iterable, Mapping, Set
 from concurrent.futures import Executor
-from dataclasses import MISSING, fields, is_dataclass
-from functools import partial
+from dataclasses import fields
+from functools import cached_property
 from pathlib import Path
-from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 import cvxpy as cp
@@ -195,17 +195,9 @@ class _Content:
 
     def _add_object(self, value: Any) -> None:
         """Anything else, by what its pickle would hold: its class, and its state."""
-        if isinstance(value, (staticmethod, classmethod)):
-            self.add([type(value).__name__, value.__func__])
-            return
-        if isinstance(value, property):
-            self.add(["property", value.fget, value.fset, value.fdel])
-            return
-        if isinstance(value, MethodType):
-            self.add(["method", value.__func__, value.__self__])
-            return
-        if isinstance(value, partial):
-            self.add(["partial", value.func, value.args, value.keywords])
+        if isinstance(value, (staticmethod, classmethod, property, cached_property)):
+            names = ("__func__", "func", "fget", "fset", "fdel")  # there is no pickle of these
+            self.add([type(value).__name__, *(getattr(value, name, None) for name in names)])
             return
         if isinstance(value, BuiltinFunctionType) and isinstance(value.__self__, ModuleType | None):
             self.tag("built in", value.__module__, value.__qualname__)
@@ -256,11 +248,6 @@ class _Content:
             return
         self.add(list(value.__bases__))
         own = {name: x for name, x in vars(value).items() if name not in _ROUTINE}
-        if is_dataclass(value):  # its methods are made of its fields
-            own = {name: x for name, x in own.items() if not _is_made(x)}
-            for each in fields(value):
-                given = [x for x in (each.default, each.default_factory) if x is not MISSING]
-                self.add([each.name, given])
         for name in sorted(own):
             self.tag(name)
             self.add(own[name])
@@ -297,10 +284,6 @@ def _globals_of(code: CodeType) -> set[str]:
 
 
 _LOOKUPS = {"LOAD_GLOBAL", "LOAD_NAME"}
-
-
-def _is_made(value: object) -> bool:
-    return isinstance(value, FunctionType) and value.__code__.co_filename == "<string>"
 
 
 def _is_installed(module: ModuleType) -> bool:
