@@ -7,9 +7,9 @@ import json
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from inspect import Parameter, Signature, signature
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -19,14 +19,14 @@ from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.extensions.studies.identity import digest, row_identity, surface_forms
 from cvxlimit.extensions.studies.patched import PatchedProblem, strengths_of
 from cvxlimit.extensions.studies.store import IDENTITY, PROOF
-from cvxlimit.extensions.studies.variations import varied
+from cvxlimit.extensions.studies.variations import Family
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, check_choice
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import MODELS
-from cvxlimit.scene import Scene, check_scene
+from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.solution.said import said
@@ -151,15 +151,22 @@ class Study:
         if self.measure is not None and not callable(self.measure):
             raise ModelError(f"measure must be a function of a solution, got {self.measure!r:.60}")
 
-    @property
-    def _parameters(self) -> dict[str, Parameter]:
-        if not isinstance(self.scenes, Scene):
-            return dict(signature(self.scenes).parameters)
-        return {k: v for k, v in signature(varied).parameters.items() if k != "scene"}
+    @cached_property
+    def family(self) -> Family:
+        """The scenes by their parameters."""
+        return Family(self.scenes)
+
+    @cached_property
+    def known(self) -> Structures:
+        """What its rows share in this process."""
+        return Structures()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def split(self, variation: Mapping[str, Any]) -> tuple[Row, Row]:
         """Returns a variation's parameters of the scene, and its options of the solve."""
-        own = self._parameters
+        own = self.family.parameters
         for_solve = {k: v for k, v in variation.items() if k in OPTIONS and k not in own}
         return {k: v for k, v in variation.items() if k not in for_solve}, for_solve
 
@@ -169,7 +176,7 @@ class Study:
 
         Values out of their range are rows with an error: others may be good.
         """
-        self._check_names(self.split(variations[0])[0])
+        self.family.check(self.split(variations[0])[0], OPTIONS)
         for variation in variations:
             parameters, for_solve = self.split(variation)
             for name, value in for_solve.items():
@@ -177,25 +184,6 @@ class Study:
             for name, value in parameters.items() if isinstance(self.scenes, Scene) else ():
                 if name not in _LOADS and not (value is None or is_number(value)):
                     raise InputError(f"{name} must be a number, got {value!r:.60}")
-
-    def _check_names(self, given: Mapping[str, Any]) -> None:
-        own, scenes = self._parameters, self.scenes
-        try:
-            Signature(list(own.values())).bind(**given)
-        except TypeError as error:
-            if isinstance(scenes, Scene):
-                who = f"scene {scenes.name!r}"
-            else:
-                who = f"function {getattr(scenes, '__name__', 'of scenes')!r}"
-            why = f"cannot be called: {error}"
-            for name in given:
-                if name not in own:
-                    near = meant(name, [*own, *OPTIONS])
-                    why = f"has no parameter {name!r}" + (f" ({near})" if near else "")
-            raise InputError(
-                f"{who} {why}; its parameters are {', '.join(own)}, and options of solve may be "
-                "varied as well"
-            ) from error
 
     def to_be_stored(self) -> Study:
         """Returns the study for rows that are stored, with the digest of all that is asked.
@@ -215,14 +203,6 @@ class Study:
         """Returns the rows of some variations, which are given with their names."""
         return [self.row(variation) for _, variation in group]
 
-    @cached_property
-    def known(self) -> Structures:
-        """What its rows share in this process."""
-        return Structures()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "known"}
-
     def row(self, variation: Mapping[str, Any]) -> Row:
         """Returns the answer to one variation. Where rows are stored it has its identity, alone if
         that is stored already, and otherwise with the result file that proves it."""
@@ -230,7 +210,7 @@ class Study:
         result: Row = dict.fromkeys(FIGURES, np.nan) | dict.fromkeys(TEXTS, "")
         try:
             parameters, options = self.split(variation)
-            scene = self._scene(parameters)
+            scene = self.family.scene(parameters)
             if self.asked:
                 surface = options.get("surface", self.options.get("surface", "conic"))
                 alike = self.known.sharing(scene)
@@ -256,15 +236,6 @@ class Study:
         if self.asked:
             figures[PROOF] = json.dumps(result_to_dict(solution))
         return figures
-
-    def _scene(self, parameters: Mapping[str, Any]) -> Scene:
-        given = self.scenes
-        if isinstance(given, Scene):
-            _ = given.geometry, given.dead_forces  # copies that have the same keep them
-            return varied(given, **parameters)
-        scene = given(**parameters)
-        check_scene(scene)
-        return scene
 
 
 def results_of(solution: Solution) -> Row:
