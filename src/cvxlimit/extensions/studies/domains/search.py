@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,7 +20,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.domains.document import read_domain, write_domain
 from cvxlimit.extensions.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.extensions.studies.domains.images import Raw, images
-from cvxlimit.extensions.studies.domains.polytopes import FLAT
+from cvxlimit.extensions.studies.domains.polytopes import FLAT, Inner
 from cvxlimit.extensions.studies.domains.supports import Structure, Support
 from cvxlimit.extensions.studies.identity import digest, row_identity, surface_forms
 from cvxlimit.io.scenes import LOAD, scene_digest
@@ -41,6 +40,7 @@ PUSHES = {"a_x": Load(acceleration=(1, 0, 0)), "a_y": Load(acceleration=(0, 1, 0
 """Loads unless others are given: pushes of the weight along both horizontal axes."""
 
 METHODS = ("convex", "exact", "certified", "zero-dilatancy")
+"""Methods whose load domain is sought; of the first two it is convex."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +54,22 @@ class Study:
     directions: int
     options: Mapping[str, Any]
 
+    def __post_init__(self) -> None:
+        check_choice("method", self.method, METHODS)
+        check_choice("model", self.options["model"], MODELS)
+        count(self.directions, 4, "directions")
+        ratio(self.tolerance, "tolerance")
+
     @cached_property
     def structure(self) -> Structure:
         """The compiled problem, which every process makes once."""
         surface, ladder, model = (self.options[n] for n in ("surface", "ladder", "model"))
-        return Structure(self.scene, self.loads, surface, ladder, model, self.tolerance)
+        made = Structure(self.scene, self.loads, surface, ladder, model, self.tolerance)
+        reading = {name: value for name, value in self.options.items() if name == "moments"}
+        flow = TABLE[self.method](**reading).flow(made.run.contacts)
+        if flow is not None:
+            made.certifier = Certifier(made.run.assemblage, (Rocking(),), flow=flow)
+        return made
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "structure"}
@@ -87,16 +98,8 @@ class Search:
         self.study, self.structure, self.domain = study, study.structure, domain
         self.path, self.advance = path, advance
         self.started, self.written = time.perf_counter() - domain.seconds, -np.inf
-        self.asked = [s.direction / domain.units for s in domain.supports]
+        self.asked = list[FloatArray]()  # besides the directions of supports
         self.raw = list(self._kept())
-        check_choice("method", name := study.method or "convex", METHODS)
-        method = TABLE[name]
-        reading = {k: v for k, v in study.options.items() if k == "moments" and v is not None}
-        flow = method(**reading).flow(self.structure.run.contacts)
-        if flow is not None:
-            self.structure.certifier = Certifier(
-                self.structure.run.assemblage, (Rocking(),), flow=flow
-            )
 
     def closed(self, most: int, executor: Any) -> LoadDomain:
         """Returns the domain after questions until its gap is within the tolerance, or ``most``
@@ -236,44 +239,24 @@ class Search:
         for at in np.argsort(-gaps):
             if gaps[at] <= domain.tolerance:
                 return
-            for direction in self._splitting(corners[at], float(gaps[at])):
-                acting = self.structure.acting(direction)
-                if not self._was_asked(acting):
-                    yield acting
-                    break
+            direction = self.structure.acting(self._splitting(corners[at], inner))
+            if not self._was_asked(direction):
+                yield direction
 
-    def _splitting(self, corner: FloatArray, gap: float) -> Iterator[FloatArray]:
-        """Yields directions that split a corner's gap.
-
-        A corner that needs an odd number of pieces is cut in unequal ones, so that none is much
-        below the tolerance in the end; others by the normal of the hull's facet beneath, which
-        touches where the corner is farthest off.
-        """
-        domain, inner = self.domain, self.domain.inner
-        assert inner is not None
-        step = corner - domain.centre
+    def _splitting(self, corner: FloatArray, inner: Inner) -> FloatArray:
+        """Returns the direction that splits a corner's gap: the normal of the hull's facet beneath,
+        which touches where the corner is farthest off; for solves of a load that grows, the corner
+        itself."""
         if self.study.method != "convex":
-            yield corner / np.linalg.norm(corner)
-            return
-        angle = math.asin(math.sqrt(min(gap, 1.0))) / math.asin(math.sqrt(domain.tolerance))
-        pieces = math.ceil(angle - 0.02)
-        if pieces % 2 and len(step) == 2 and not inner.is_flat:
-            reach = domain.outer.offsets - domain.outer.normals @ domain.centre
-            polar = domain.outer.normals / np.maximum(reach, 1e-300)[:, None]
-            order = np.argsort(-(polar @ step))
-            first = polar[order[0]]
-            others = order[np.abs(polar[order] - first).max(axis=1) > 1e-6 * np.abs(first).max()]
-            share = (pieces // 2) / pieces
-            if len(others):
-                between = (1.0 - share) * first + share * polar[others[0]]
-                yield between / np.linalg.norm(between)
-        speed, room = inner.normals @ step, inner.offsets - inner.normals @ domain.centre
-        yield inner.normals[int((speed / np.maximum(room, 1e-300)).argmax())]
+            return np.asarray(corner / np.linalg.norm(corner))
+        centre = self.domain.centre
+        speed, room = inner.normals @ (corner - centre), inner.offsets - inner.normals @ centre
+        return np.asarray(inner.normals[int((speed / np.maximum(room, 1e-300)).argmax())])
 
     def _was_asked(self, direction: FloatArray) -> bool:
         """Returns whether this direction, or one that differs by rounding, was asked before."""
-        others = np.array([s.direction / self.domain.units for s in self.domain.supports])
-        others = np.vstack([others.reshape(-1, len(direction)), *self.asked])
+        known = [s.direction / self.domain.units for s in self.domain.supports]
+        others = np.array([*known, *self.asked]).reshape(-1, len(direction))
         size = np.maximum(np.linalg.norm(others, axis=1), 1e-300)[:, None]
         unit = direction / np.linalg.norm(direction)
         return bool((np.abs(unit - others / size).max(axis=1) < FLAT).any())
@@ -350,11 +333,7 @@ def load_domain(
     (True, True)
     """
     check_scene(scene)
-    ratio(tolerance, "tolerance")
-    check_choice("method", method, METHODS)
-    check_choice("model", model, MODELS)
     count(most_solves, 1, "most_solves")
-    count(directions, 4, "directions")
     named = named_loads(loads)
     options = {"surface": surface, "ladder": ladder, "model": model}
     if moments is not None:
