@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -239,19 +240,40 @@ class Search:
         for at in np.argsort(-gaps):
             if gaps[at] <= domain.tolerance:
                 return
-            direction = self.structure.acting(self._splitting(corners[at], inner))
-            if not self._was_asked(direction):
-                yield direction
+            for direction in self._splitting(corners[at], float(gaps[at]), inner):
+                acting = self.structure.acting(direction)
+                if not self._was_asked(acting):
+                    yield acting
+                    break
 
-    def _splitting(self, corner: FloatArray, inner: Inner) -> FloatArray:
-        """Returns the direction that splits a corner's gap: the normal of the hull's facet beneath,
-        which touches where the corner is farthest off; for solves of a load that grows, the corner
-        itself."""
+    def _splitting(self, corner: FloatArray, gap: float, inner: Inner) -> Iterator[FloatArray]:
+        """Yields directions that split a corner's gap, best first; for solves of a load that grows
+        it is the corner itself.
+
+        On an ellipse whose tangents meet at an angle, the gap is the square of a sine: so many
+        pieces as the angle has of the one that the tolerance allows are needed. An odd number is
+        cut unevenly, by the tangent in between, so that none is much below the tolerance in the end
+        (130 solves where halving takes 141, on five scenes at 1 %). An even one is halved by the
+        normal of the hull's facet beneath, which touches where the corner is farthest off.
+        """
         if self.study.method != "convex":
-            return np.asarray(corner / np.linalg.norm(corner))
-        centre = self.domain.centre
-        speed, room = inner.normals @ (corner - centre), inner.offsets - inner.normals @ centre
-        return np.asarray(inner.normals[int((speed / np.maximum(room, 1e-300)).argmax())])
+            yield corner / np.linalg.norm(corner)
+            return
+        domain, step = self.domain, corner - self.domain.centre
+        angle = math.asin(math.sqrt(min(gap, 1.0))) / math.asin(math.sqrt(domain.tolerance))
+        pieces = math.ceil(angle - 0.02)  # a little over is not worth a solve
+        if pieces % 2 and len(step) == 2 and not inner.is_flat:
+            reach = domain.outer.offsets - domain.outer.normals @ domain.centre
+            polar = domain.outer.normals / np.maximum(reach, 1e-300)[:, None]
+            order = np.argsort(-(polar @ step))
+            first = polar[order[0]]
+            others = order[np.abs(polar[order] - first).max(axis=1) > 1e-6 * np.abs(first).max()]
+            if len(others):
+                share = (pieces // 2) / pieces
+                between = (1.0 - share) * first + share * polar[others[0]]
+                yield between / np.linalg.norm(between)
+        speed, room = inner.normals @ step, inner.offsets - inner.normals @ domain.centre
+        yield inner.normals[int((speed / np.maximum(room, 1e-300)).argmax())]
 
     def _was_asked(self, direction: FloatArray) -> bool:
         """Returns whether this direction, or one that differs by rounding, was asked before."""
