@@ -100,7 +100,7 @@ class Search:
         self.path, self.advance = path, advance
         self.started, self.written = time.perf_counter() - domain.seconds, -np.inf
         self.asked = list[FloatArray]()  # besides the directions of supports
-        self.raw = list(self._kept())
+        self.raw = [raw for s in domain.supports if (raw := self.structure.said(s)) is not None]
 
     def closed(self, most: int, executor: Any) -> LoadDomain:
         """Returns the domain after questions until its gap is within the tolerance, or ``most``
@@ -148,19 +148,6 @@ class Search:
         if self.path is not None and (is_last or waited > 1.0):  # many take as long as one
             self.written = seconds
             write_domain(self.domain, self.path)
-
-    def _kept(self) -> Iterator[Raw]:
-        """Yields the answers behind the supports of a file, as far as they can be references for
-        others."""
-        for s in self.domain.supports:
-            solution = s.solution
-            if solution is None or solution.forces is None or s.ray is not None or s.loaded is None:
-                continue
-            factors = s.loaded / self.domain.units * (solution.load_factor or 0.0)
-            direction, forces = s.direction / self.domain.units, solution.forces
-            yield Raw(
-                direction, factors, forces, forces, None, False, solution.history[-1], s.is_mirrored
-            )  # fmt: skip
 
     def take(self, direction: FloatArray, answers: Sequence[Raw | Solution], solves: int) -> None:
         """Adds to the domain what answers and their mirror images prove."""

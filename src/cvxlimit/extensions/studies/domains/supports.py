@@ -27,6 +27,7 @@ from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
+from cvxlimit.proving.solutions import as_solved
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load, combined
@@ -238,6 +239,33 @@ class Structure:
             )
             self._problems[dead] = reach, problem
         return self._problems[dead]
+
+    def said(self, s: Support) -> Raw | None:
+        """Returns what a solver may have said that made a support, of which nothing is believed;
+        None if there are no forces of these contacts."""
+        solution, run = s.solution, self.run
+        if solution is None or solution.forces is None or s.loaded is None:
+            return None
+        if solution.forces.shape != (len(run.contacts), 6):
+            return None
+        own, rates = as_solved(solution, run)
+        given = forces = np.array(own)
+        is_lost = rates is None and solution.mechanism is not None
+        rates = s.rates if solution.mechanism is None else rates
+        if is_lost or (rates is not None and len(rates) != len(run.given.free)):
+            return None
+        if self.certifier.strength.is_internal:
+            if solution.internal is None:
+                return None
+            given = solution.internal
+        about = s.loaded / self.units
+        factors = about * (solution.load_factor or 0.0)
+        if s.ray is not None:  # a ray has no load factor: as much as its forces carry
+            load = self.forces @ about
+            taken = self.assemblage.statics.matrix @ forces.ravel()
+            factors = about * max(-float(taken @ load) / float(load @ load), 0.0)
+        return Raw(s.direction / self.units, factors, forces, given, rates, s.ray is not None,
+                   solution.history[-1], s.is_mirrored)  # fmt: skip
 
     # What is proved of it
 
