@@ -1,4 +1,18 @@
-"""The search for a load domain: it is enclosed from both sides, where the gap is largest next."""
+"""The search for a load domain: it is enclosed from both sides, where the gap is largest next.
+
+The load factors p that a structure carries are a convex set for every convex model. One solve in a
+direction d finds the largest d @ p: its forces show a point of the set, its mechanism a half-space
+that holds it (``supports.py``). The hull of all points lies inside, what all half-spaces leave lies
+outside; the gap is largest at a corner of the latter. So a search has four stages:
+
+1. *first*: each load in both senses;
+2. *refer*: where the dead load alone does not stand, everything is proved anew about a state with
+   some live load, and what needs no solver is added;
+3. *next*: the direction that splits the largest gap, until it is within the tolerance;
+4. after each answer its mirror images are checked, and the file is written.
+
+Load factors are in natural units in here: the dead load over each live load.
+"""
 
 from __future__ import annotations
 

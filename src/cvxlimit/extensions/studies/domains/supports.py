@@ -1,4 +1,15 @@
-"""One question to a structure: how far do loads reach in a direction? Answered with proof."""
+"""One question to a structure: how far do loads reach in a direction? Answered with proof.
+
+A solver maximises d @ p over load factors p and contact forces within all surfaces that balance the
+dead load and p times the live loads. Nothing of its answer is believed (:class:`Raw`):
+
+- its forces are put into equilibrium, and mixed with those of a state strictly inside until they
+  are within all surfaces: that makes a *point* p which is carried;
+- its mechanism u is opened until the flow rule allows it. No loads can do more power on it than
+  contacts dissipate: p @ (live @ u) <= dissipation(u) - dead @ u is a *half-space* that holds all;
+- forces that carry p without the dead load, within the surfaces' cones of recession, make a *ray*:
+  any multiple of it is carried besides.
+"""
 
 from __future__ import annotations
 
