@@ -24,7 +24,7 @@ import cvxpy as cp
 import numpy as np
 
 from cvxlimit.base.versions import __version__
-from cvxlimit.errors import ModelError
+from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.io.scenes import scene_digest
 from cvxlimit.scene import Scene
@@ -74,6 +74,16 @@ def row_identity(asked: str, scene: Scene, surface: Any, varied: Mapping[str, An
     content.add_scene(scene)
     content.add_surfaces(surface, scene)
     return content.hexdigest()
+
+
+def check_version(place: object, holds: str, wrote: object, cure: str) -> None:
+    """Raises InputError for answers in a place that another version of cvxlimit wrote."""
+    if wrote != __version__:
+        by = "an earlier version" if wrote is None else f"version {wrote!r:.20}"
+        raise InputError(
+            f"{place}: holds {holds} of {by} of cvxlimit, this is {__version__}: take another "
+            f"{cure}"
+        )
 
 
 def surface_forms(surface: Any) -> list[object]:

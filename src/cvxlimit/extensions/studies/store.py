@@ -21,6 +21,7 @@ from cvxlimit.base.extras import needed
 from cvxlimit.base.files import write_file, write_new_file
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError
+from cvxlimit.extensions.studies.identity import check_version
 from cvxlimit.io.fields import mapping, read_document, refusals
 
 if TYPE_CHECKING:
@@ -93,13 +94,8 @@ class Store:
                 )
             write_new_file(self.folder / _ABOUT, json.dumps(dict(about), indent=1).encode())
         found = about_sweep(self.folder)
-        version = found.get("version")
-        if version != about["version"]:
-            wrote = "an earlier version" if version is None else f"version {version!r:.20}"
-            raise InputError(
-                f"{self.folder}: holds rows of {wrote} of cvxlimit, this is {about['version']}: "
-                "take another folder, or delete this one (read_sweep still reads it)"
-            )
+        cure = "folder, or delete this one (read_sweep still reads it)"
+        check_version(self.folder, "rows", found.get("version"), cure)
         for what in ("scene", "options"):
             if found.get(what) != about[what]:
                 raise InputError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -90,7 +90,6 @@ def sweep(
     >>> table["load_factor"].round(3).tolist()
     [0.4, 0.311, 0.22]
     """
-    pandas = needed("pandas", "frames", "sweeps")
     study, table = Study(scenes, options, measure), variations_of(grid)
     _check_names(table)
     records: list[Row] = table.to_dict("records")
@@ -101,21 +100,9 @@ def sweep(
         study = study.to_be_stored()  # nothing is refused once the folder is there
         store = Store(path, {**about, "base": _base(scenes)})
         study = replace(study, stored=frozenset(store.rows))
-    variations, done = dict(zip(names, records, strict=True)), dict[str, Row]()
-    with progress_bar("sweep", len(variations), progress) as advance:
-        try:
-            for name, row in _solved(study, variations, executor, store):
-                done[name] = row
-                advance(row["error"] or f"{row['load_factor']:.6g}")
-            is_interrupted = False
-        except KeyboardInterrupt:
-            is_interrupted = True
-        finally:
-            if store is not None:
-                store.flush()
-    kept = [i for i, name in enumerate(names) if name in done]
-    found = pandas.DataFrame([done[names[i]] for i in kept], columns=_columns(done, table))
-    result: DataFrame = pandas.concat([table.iloc[kept].reset_index(drop=True), found], axis=1)
+    variations = dict(zip(names, records, strict=True))
+    done, is_interrupted = _done(study, variations, executor, store, progress)
+    result = _joined(table, [done.get(name) for name in names])
     result.attrs = {
         **about,
         "version": __version__,
@@ -136,27 +123,55 @@ def _check_names(table: DataFrame) -> None:
         )
 
 
+def _done(
+    study: Study,
+    variations: Mapping[str, Row],
+    executor: Any,
+    store: Store | None,
+    progress: bool | Callable[[str], None],
+) -> tuple[dict[str, Row], bool]:
+    """Returns the rows by name, and whether Ctrl-C came before all were there."""
+    done = dict[str, Row]()
+    with progress_bar("sweep", len(variations), progress) as advance:
+        try:
+            for name, row in _solved(study, variations, executor):
+                done[name] = row if store is None else store.add(name, variations[name], row)
+                advance(done[name]["error"] or f"{done[name]['load_factor']:.6g}")
+        except KeyboardInterrupt:
+            return done, True
+        finally:
+            if store is not None:
+                store.flush()
+    return done, False
+
+
 def _solved(
-    study: Study, variations: Mapping[str, Row], executor: Any, store: Store | None
+    study: Study, variations: Mapping[str, Row], executor: Any
 ) -> Iterator[tuple[str, Row]]:
-    """Yields rows with their names, as they come, once they are kept. To other processes they go in
-    groups of up to 20: a task costs 1 ms in a process pool, some 5 ms on a cluster."""
+    """Yields rows with their names, as they come. To other processes they go in groups of up to 20:
+    a task costs 1 ms in a process pool, some 5 ms on a cluster."""
     todo = [(name, variations[name]) for name in nearest_first(variations)]
     size = 1 if executor is None else min(max(1, len(todo) // 100), 20)
     groups = iter([todo[i : i + size] for i in range(0, len(todo), size)])
     for group, rows in searched(study, partial(next, groups, None), executor):
-        for (name, variation), row in zip(group, rows, strict=True):
-            yield name, row if store is None else store.add(name, variation, row)
+        yield from zip((name for name, _ in group), rows, strict=True)
 
 
-def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
-    """Returns the names of result columns, and of measured ones: stored rows have NaN in columns
-    that only other rows of the folder measured."""
+def _joined(table: DataFrame, rows: Sequence[Row | None]) -> DataFrame:
+    """Returns the variations that have a row, with its results, and with what was measured. Stored
+    rows have NaN in columns that only others of the folder measured."""
+    pandas = needed("pandas", "frames", "sweeps")
+    done = {i: row for i, row in enumerate(rows) if row is not None}
     known, measured = {*RESULTS, *table.columns, KEY, IDENTITY, PROOF}, dict[str, None]()
     for row in done.values():
         is_new = KEY not in row
         measured |= {name: None for name, x in row.items() if is_new or (x is not None and x == x)}
-    return [*RESULTS, *(name for name in measured if name not in known)]
+    columns = [*RESULTS, *(name for name in measured if name not in known)]
+    found = pandas.DataFrame(list(done.values()), columns=columns)
+    result: DataFrame = pandas.concat(
+        [table.iloc[list(done)].reset_index(drop=True), found], axis=1
+    )
+    return result
 
 
 def _about(study: Study) -> dict[str, str]:

@@ -37,7 +37,12 @@ from cvxlimit.extensions.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.extensions.studies.domains.images import Raw, images
 from cvxlimit.extensions.studies.domains.polytopes import FLAT, Inner
 from cvxlimit.extensions.studies.domains.supports import Structure, Support
-from cvxlimit.extensions.studies.identity import digest, row_identity, surface_forms
+from cvxlimit.extensions.studies.identity import (
+    check_version,
+    digest,
+    row_identity,
+    surface_forms,
+)
 from cvxlimit.io.scenes import LOAD, scene_digest
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, MethodName, check_choice
@@ -381,13 +386,7 @@ def load_domain(
 def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
     """Returns the domain with the answers in its file; InputError for another domain's."""
     known = read_domain(path)
-    wrote = known.versions.get("cvxlimit")
-    if wrote != __version__:
-        by = "an earlier version" if wrote is None else f"version {wrote}"
-        raise InputError(
-            f"{path}: holds a domain of {by} of cvxlimit, this is {__version__}: take another "
-            "file, or delete it"
-        )
+    check_version(path, "a domain", known.versions.get("cvxlimit"), "file, or delete it")
     if known.about != domain.about:
         raise InputError(
             f"{path}: holds the domain of another scene, other loads or other options (scene "
