@@ -171,6 +171,7 @@ class Structure:
         self.centre = np.zeros(len(loads))
         sizes, ways = np.linalg.svd(self.forces, full_matrices=False)[1:]
         self.idle = ways[sizes <= 1e-12 * sizes.max()]
+        self._field_was_sought = False
         self._problems: dict[float | None, tuple[_Reach, LimitProgram]] = {}
         self._proved: WeakKeyDictionary[Raw, Support] = WeakKeyDictionary()
 
@@ -381,7 +382,7 @@ class Structure:
         certifier = self.certifier
         if raw.mechanism is None or not np.isfinite(raw.mechanism).all():
             return none
-        if not self._has_field:
+        if not self._field_was_sought and certifier.witnesses.opening_field is None:
             self._seek_field()
         opened = certifier.opened(raw.mechanism)
         motion, size = opened.rates.ravel(), np.abs(opened.rates).ravel()
@@ -401,12 +402,9 @@ class Structure:
             offset += opened.missing * REFERENCE * max(acting, largest)
         return normal / length, offset / length, opened.is_allowed
 
-    @cached_property
-    def _has_field(self) -> bool:
-        return self.certifier.witnesses.opening_field is not None
-
     def _seek_field(self) -> None:
-        self._has_field = True  # asked once
+        """Gives the certifier rates that open all contacts, if a solver finds some."""
+        self._field_was_sought = True
         problem = LimitProgram(
             self.assemblage, self.surfaces, goal=largest_self_stress, reduction=self.reduction
         )
