@@ -16,7 +16,7 @@ import numpy as np
 
 from cvxlimit.base.checks import is_number, meant, ratio
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
-from cvxlimit.extensions.studies.identity import digest, row_identity, surface_forms
+from cvxlimit.extensions.studies.identity import digest, row_identity
 from cvxlimit.extensions.studies.patched import PatchedProblem, strengths_of
 from cvxlimit.extensions.studies.store import IDENTITY, PROOF
 from cvxlimit.extensions.studies.variations import Family
@@ -71,12 +71,6 @@ class Structures:
     def __init__(self) -> None:
         self._known: OrderedDict[str, Assemblage] = OrderedDict()
         self._problems: OrderedDict[object, PatchedProblem | None] = OrderedDict()
-
-    def sharing(self, scene: Scene) -> Scene:
-        """Returns the scene with the contacts of an earlier one of its geometry, if there was
-        one."""
-        known = self._known.get(scene.geometry)
-        return scene if known is None else scene.sharing_contacts_of(known.scene)
 
     def mechanics(self, scene: Scene) -> Scene | Assemblage:
         """Returns the scene with contacts, equilibrium and factorisation of one of its geometry.
@@ -194,8 +188,7 @@ class Study:
             If an option or the measure holds what cannot be told apart.
         """
         given = {**_USUAL, **self.options}
-        parts = [digest(x, f"option {name!r}") for name, x in given.items() if name != "surface"]
-        parts.append(digest(surface_forms(given["surface"]), "the surface"))
+        parts = [digest(x, f"option {name!r}") for name, x in given.items()]
         parts.append(digest(self.measure, "measure"))
         return replace(self, asked=digest(parts, "the sweep"))
 
@@ -212,9 +205,7 @@ class Study:
             parameters, options = self.split(variation)
             scene = self.family.scene(parameters)
             if self.asked:
-                surface = options.get("surface", self.options.get("surface", "conic"))
-                alike = self.known.sharing(scene)
-                result[IDENTITY] = row_identity(self.asked, alike, surface, options)
+                result[IDENTITY] = row_identity(self.asked, scene, options)
                 if result[IDENTITY] in self.stored:
                     return {IDENTITY: result[IDENTITY]}
             result |= self._solved(scene, options)

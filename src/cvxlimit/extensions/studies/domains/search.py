@@ -37,12 +37,7 @@ from cvxlimit.extensions.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.extensions.studies.domains.images import Raw, images
 from cvxlimit.extensions.studies.domains.polytopes import FLAT, Inner
 from cvxlimit.extensions.studies.domains.supports import Structure, Support
-from cvxlimit.extensions.studies.identity import (
-    check_version,
-    digest,
-    row_identity,
-    surface_forms,
-)
+from cvxlimit.extensions.studies.identity import check_version, digest, row_identity
 from cvxlimit.io.scenes import LOAD, scene_digest
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, MethodName, check_choice
@@ -399,10 +394,9 @@ def _gone_on(path: str | os.PathLike[str], domain: LoadDomain) -> LoadDomain:
 def _about(study: Study) -> str:
     """Returns a digest of all that the set depends on, but not of tolerance and solvers."""
     plain = [LOAD.write(load, "a load", "a domain") for load in study.loads]
-    moments = digest(study.options.get("moments"), "option 'moments'")
-    surface, scene = study.options["surface"], study.structure.run.given
-    asked = digest(["domain", surface_forms(surface), study.method, moments, plain], "the domain")
-    return row_identity(asked, scene, surface, {})
+    asked = [digest(study.options.get(name), f"option {name!r}") for name in ("surface", "moments")]
+    asked.append(digest(["domain", study.method, plain], "the domain"))
+    return row_identity(digest(asked, "the domain"), study.structure.run.given, {})
 
 
 def status_of(domain: LoadDomain) -> Status:
