@@ -10,7 +10,7 @@ is made of bodies; ``compas_results.py``, the way back; ``command.py``.
 from cvxlimit.base.doors import Offered
 
 OFFERED: Offered = {
-    "cvxlimit.commands": {"import": "cvxlimit.extensions.importing.command:import_command"},
+    "cvxlimit.commands": {"import": "cvxlimit.extensions.importing.command:ImportCommand"},
     "cvxlimit.files": {
         "Imported": "cvxlimit.extensions.importing.reading:Imported",
         "import_geometry": "cvxlimit.extensions.importing.reading:import_geometry",
