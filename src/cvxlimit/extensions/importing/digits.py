@@ -104,7 +104,7 @@ one."""
 def with_noise(
     scene: Scene,
     bodies: Sequence[Body],
-    block_with_tolerance: Callable[[Body, float], Block],
+    blocks_with_tolerance: Callable[[float], tuple[Block, ...]],
     notes: list[str],
 ) -> Scene:
     """The scene; or, where its contacts are refused and faces are warped, as by noise, the one with
@@ -112,16 +112,17 @@ def with_noise(
 
     The tolerance is four times the warp: twice, because the mean plane of a face follows its
     corners, which have moved by more than they lie off it; and twice again, because a joint has
-    two such sides. ``block_with_tolerance`` makes the block of a body anew, for a given tolerance.
+    two such sides. ``blocks_with_tolerance`` makes the blocks anew, for a given tolerance.
     """
+    if scene.joint_tolerance is not None:
+        return scene
     warp = max(map(warped, bodies), default=0.0)
     usual = min(block.joint_tolerance for block in scene.blocks)
     wider = 4.0 * warp
     if not usual < wider <= NOISIEST * usual or _contacts_are_found(scene):
         return scene
     try:
-        blocks = tuple(block_with_tolerance(body, wider) for body in bodies)
-        rough = replace(scene, blocks=blocks, joint_tolerance=wider)
+        rough = replace(scene, blocks=blocks_with_tolerance(wider), joint_tolerance=wider)
         is_mended = _contacts_are_found(rough)
     except InputError:
         is_mended = False
