@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray
-from cvxlimit.base.checks import meant
+from cvxlimit.base.checks import check_known
 from cvxlimit.base.doors import attached
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
@@ -217,11 +217,7 @@ class Sensitivity:
         values = {name: getattr(scene.contacts, name) for name in JOINTS}
         values["weight"] = np.array([scene.blocks[i].weight for i in scene.free])
         values |= {"dead": scene.dead_forces, "live": scene.live_forces}
-        if of not in values:
-            raise InputError(
-                f"there is no elasticity of {of!r}: choose one of {', '.join(values)}"
-                + meant(of, values, before="; ")
-            )
+        check_known(of, values, "there is no elasticity of")
         if not factor:
             raise InputError("a load factor of 0 has no elasticity: take the derivatives")
         by = getattr(self, of)
