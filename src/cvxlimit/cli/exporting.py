@@ -49,7 +49,7 @@ class ExportCommand(Command):
         check_choice("--format", form, [kind[1:] for kind in EXPORTS])
         scene = scene_named(self.scene)
         path = self.output or Path(f"{Path(scene.name).name}.{form}")
-        check_outputs({"--output": path}, scene_file(self.scene), output=(f".{form}",))
+        check_outputs([("--output", path, (f".{form}",))], scene_file(self.scene))
         written = export(scene, path)
         show(facts([("scene", scene.name), *(("written", str(file)) for file in written)]))
         return ExitCode.SOLVED
@@ -85,7 +85,7 @@ class ExportProblemCommand(Command):
         def exported(tell: Tell) -> tuple[Scene, ConeProgram, Path]:
             scene = scene_named(self.scene)
             path = self.output or Path(f"{Path(scene.name).name}.{form}")
-            check_outputs({"--output": path}, scene_file(self.scene))
+            check_outputs([("--output", path, ())], scene_file(self.scene))
             tell("solving for the proved optimum")
             program, remarks = problem_of(scene, self.surface, self.model)  # type: ignore[arg-type]
             write_program(program, path, form, scene.name.replace(" ", "-"), remarks)

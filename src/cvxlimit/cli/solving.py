@@ -79,15 +79,15 @@ class Files:
     without_dilatancy: bool = False
 
     def check(self, scene: str) -> None:
-        outputs = {"--json": None if self.is_piped else self.json, "--export": self.export}
-        outputs["--report"] = self.report
-        kinds: dict[str, Collection[str]] = {"export": EXPORTS, "report": (".html",)}
-        for number, (kind, path) in enumerate(self.pictures):
-            name = "plot" if kind == "mechanism" else f"plot {kind}:"
-            name += "" if f"--{name}" not in outputs else f" ({number + 1})"
-            outputs[f"--{name}"] = path
-            kinds[name] = _SUFFIXES.get(kind, IMAGES)
-        check_outputs(outputs, scene_file(scene), **kinds)
+        outputs: list[tuple[str, Path | None, Collection[str]]] = [
+            ("--json", None if self.is_piped else self.json, ()),
+            ("--export", self.export, EXPORTS),
+            ("--report", self.report, (".html",)),
+        ]
+        for kind, path in self.pictures:
+            option = "--plot" if kind == "mechanism" else f"--plot {kind}:"
+            outputs.append((option, path, _SUFFIXES.get(kind, IMAGES)))
+        check_outputs(outputs, scene_file(scene))
 
     @property
     def is_piped(self) -> bool:

@@ -146,17 +146,15 @@ class ImportCommand(Command):
         if self.live != PRESSURES:
             _live(self.live)
         inputs = dict.fromkeys(self.geometry, "the geometry")
-        check_outputs(
-            {"--output": output, "--plot": plot}, inputs, plot=SCENE_PICTURES, output=[".json"]
-        )
+        written = ("--output", output, [".json"]), ("--plot", plot, SCENE_PICTURES)
+        check_outputs(written, inputs)
         started = time.perf_counter()
         found, contacts = self._drawn_if_refused()
         seconds = time.perf_counter() - started
-        written = [str(output)]
         write_scene(found.scene, output)
-        if plot is not None:
-            written += [str(path) for path in plot_scene(found.scene, plot)]
-        show(facts(_found(found, contacts, seconds, written)))
+        pictures = [] if plot is None else plot_scene(found.scene, plot)
+        files = [("written", str(path)) for path in (output, *pictures)]
+        show(facts([*_found(found, contacts, seconds), *files]))
         warn_of_geometry(found.scene)
         return ExitCode.SOLVED
 
@@ -220,9 +218,7 @@ class ImportCommand(Command):
         return scene if not reactions else replace(scene, reactions=tuple(reactions))
 
 
-def _found(
-    found: Imported, contacts: int, seconds: float, written: list[str]
-) -> list[tuple[str, str]]:
+def _found(found: Imported, contacts: int, seconds: float) -> list[tuple[str, str]]:
     scene = found.scene
     blocks = scene.blocks
     low = np.min([b.vertices.min(axis=0) for b in blocks], axis=0)
@@ -244,7 +240,6 @@ def _found(
         ("near misses", f"{len(scene.near_misses)}"),
         ("lumped faces", "0" if scene.lumped is None else f"{scene.lumped.faces}"),
         ("time in s", f"{seconds:.3f}"),
-        *(("written", file) for file in written),
     ]
 
 
@@ -254,8 +249,5 @@ def _repairs(scene: Scene) -> str:
         for repair in block.repairs:
             times[repair.kind] += repair.count
         blocks.update({repair.kind for repair in block.repairs})
-    if not times:
-        return "none"
-    return ", ".join(
-        f"{times[kind]} {kind} (in {counted(blocks[kind], 'block')})" for kind in times
-    )
+    kinds = (f"{times[kind]} {kind} (in {counted(blocks[kind], 'block')})" for kind in times)
+    return ", ".join(kinds) or "none"
