@@ -42,6 +42,7 @@ from cvxlimit.model.formulations import corner_compressions, model_of
 from cvxlimit.model.mortar import without_tension
 from cvxlimit.model.statics import Statics
 from cvxlimit.results.corners import Follows, Shapes, followed, volume_slopes
+from cvxlimit.results.movement import block_rates
 from cvxlimit.results.uniqueness import others
 from cvxlimit.results.utilisation import forces_of
 from cvxlimit.scene import Load
@@ -106,10 +107,7 @@ class Proof:
         self.scene, self.surfaces = solution.scene, surfaces
         scene, contacts = self.scene, self.scene.contacts
         # Rates of all blocks, zero for fixed ones, scaled to live power 1.
-        rates = np.zeros((len(scene.blocks), 6))
-        place = {block.id: i for i, block in enumerate(scene.blocks)}
-        for name, own in (solution.mechanism or {}).items():
-            rates[place[name]] = own
+        rates = block_rates(scene, solution)
         self.rates = rates / float((rates[scene.free] * scene.live_forces).sum())
         pressed, pull = without_tension(contacts)
         forces = np.array(forces_of(scene, solution))
@@ -148,6 +146,13 @@ class Proof:
         table = patches(blocks, Reach.of(blocks, self.scene.joint_tolerance))
         return list(followed(self.shapes, blocks, table))
 
+    def moving(self, contacts: Contacts) -> tuple[FloatArray, FloatArray]:
+        """Returns the velocities of b against a at the contacts' origins, and their relative
+        angular velocities, (n, 3) each."""
+        a, b, rates = contacts.a, contacts.b, self.rates
+        one, other = (velocity_of(self.scene, rates, contacts.origin, block) for block in (a, b))
+        return other - one, rates[b, 3:] - rates[a, 3:]
+
     def at(self, contacts: Contacts) -> FloatArray:
         """Returns -(A'u) . x - lam . y(x) of every contact (n,), with the properties and the
         geometry of ``contacts`` in place of the scene's."""
@@ -156,16 +161,8 @@ class Proof:
         forces = model.forces(self.internal)
         forces[:, COLUMN["N"]] -= pull
         # The first term: contact forces times relative rates at the contacts' origins.
-        one, other = (
-            velocity_of(self.scene, self.rates, contacts.origin, b)
-            for b in (contacts.a, contacts.b)
-        )
-        turning = self.rates[contacts.b, 3:] - self.rates[contacts.a, 3:]
-        moving = np.concatenate(
-            [np.einsum("nik,nk->ni", contacts.axes, part) for part in (other - one, turning)],
-            axis=1,
-        )
-        result = -(forces * moving).sum(axis=1)
+        parts = [np.einsum("nik,nk->ni", contacts.axes, part) for part in self.moving(contacts)]
+        result = -(forces * np.concatenate(parts, axis=1)).sum(axis=1)
         # The second: multipliers times the excess of each condition.
         strength = StrengthRows(self.surfaces, model)
         (excess,) = strength.excess(self.internal)
@@ -265,12 +262,9 @@ def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], Boo
         np.einsum("nik,ni->nk", contacts.axes, part)
         for part in (proof.forces[:, :3], proof.forces[:, 3:])
     )
-    one, other = (
-        velocity_of(proof.scene, proof.rates, contacts.origin, b) for b in (contacts.a, contacts.b)
-    )
-    turning = proof.rates[contacts.b, 3:] - proof.rates[contacts.a, 3:]
+    shifting, turning = proof.moving(contacts)
     by_shift = -np.cross(force, turning)
-    by_turn = -(np.cross(force, other - one) + np.cross(moment, turning))
+    by_turn = -(np.cross(force, shifting) + np.cross(moment, turning))
     # Outline points, height and inclination of contacts follow the vertices of the blocks.
     for f in proof.followed:
         axes = contacts.axes[f.contact]

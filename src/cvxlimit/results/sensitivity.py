@@ -184,12 +184,8 @@ class Sensitivity:
         [1.0, 0.0]
         """
         surfaces: Any = self.solution.surfaces or self.solution.surface
-        at = [
-            self.solution.load_factor
-            if way == 0
-            else solve(change(way * step), surfaces).load_factor
-            for way in (-1, 0, 1)
-        ]
+        below, above = (solve(change(way * step), surfaces) for way in (-1, 1))
+        at = [found.load_factor for found in (below, self.solution, above)]
         low, middle, high = (float("nan") if factor is None else factor for factor in at)
         return (middle - low) / step, (high - middle) / step
 

@@ -161,7 +161,9 @@ def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
     densities = {key: _content(value).get("density") for key, value in materials.items()}
     marked = any(_content(element).get("is_support") for element in elements.values())
     whole = _transformation(content.get("transformation"), "the block model")
-    placed = dict(_tree(content, elements, whole))
+    tree = content.get("tree")
+    root = tree.get("root") if isinstance(tree, dict) else None
+    placed = dict(_tree(root, elements, whole)) if isinstance(root, dict) else {}
     for number_, key in enumerate(elements):
         element = _content(elements[key])
         name = str(number_)
@@ -184,25 +186,19 @@ def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
 
 
 def _tree(
-    content: Mapping[str, Any], elements: Mapping[str, Any], whole: FloatArray
+    node: Mapping[str, Any], elements: Mapping[str, Any], above: FloatArray, depth: int = 0
 ) -> Iterator[tuple[str, FloatArray]]:
-    tree = content.get("tree")
-    root = tree.get("root") if isinstance(tree, dict) else None
-    todo = [(root, whole, 0)] if isinstance(root, dict) else []
-    seen = 0
-    while todo:
-        node, transformation, depth = todo.pop()
-        seen += 1
-        if depth > _DEEPEST or seen > 10 * len(elements) + 10:
-            raise InputError("groups of the block model are nested too deeply; flatten them")
-        key = node.get("element")
-        if isinstance(key, str) and key in elements:
-            yield key, transformation
-            own = _content(elements[key]).get("transformation")
-            transformation = transformation @ _transformation(own, f"element {shown(key)}")
-        children = node.get("children") or []
-        if isinstance(children, list):
-            todo += [(c, transformation, depth + 1) for c in children if isinstance(c, dict)]
+    """Where the elements of a tree of groups are placed, without their own transformations."""
+    if depth > _DEEPEST:
+        raise InputError("groups of the block model are nested too deeply; flatten them")
+    key, children = node.get("element"), node.get("children")
+    if isinstance(key, str) and key in elements:
+        yield key, above
+        own = _content(elements[key]).get("transformation")
+        above = above @ _transformation(own, f"element {shown(key)}")
+    for child in children if isinstance(children, list) else ():
+        if isinstance(child, dict):
+            yield from _tree(child, elements, above, depth + 1)
 
 
 def _block(
