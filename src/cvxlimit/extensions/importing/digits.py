@@ -24,10 +24,6 @@ from cvxlimit.geometry.mesh import polygon_vectors
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.scene import Scene
 
-_SAMPLE = 2_000
-"""Different numbers of a file, about, whose digits are counted: all are written in one format, and
-among so many some do not end in zeros by chance."""
-
 _FEW = 9
 """Numbers with fewer digits may have been cut; doubles written in full have 15 to 17."""
 
@@ -76,14 +72,13 @@ def is_single(bodies: Sequence[Body]) -> bool:
 
 
 def _digits(values: FloatArray) -> int:
-    """The most significant digits that a number among the values has; of many, a sample is asked.
+    """The most significant digits that a number among the values has.
 
     >>> _digits(np.array([[1200.0, 0.25, 3.125]]))
     4
     """
-    different = np.unique(values)
-    some = different[:: max(1, len(different) // _SAMPLE)].tolist()
-    return max((len(Decimal(repr(x)).normalize().as_tuple().digits) for x in some), default=0)
+    different = np.unique(values).tolist()
+    return max((len(Decimal(repr(x)).normalize().as_tuple().digits) for x in different), default=0)
 
 
 def _last_place(x: float, digits: int) -> float:

@@ -306,8 +306,6 @@ def _files(paths: Paths) -> list[Path]:
             continue
         visible = [p for p in path.iterdir() if not p.name.startswith(".")]
         inside = sorted(visible, key=lambda p: natural(p.name))
-        if len(inside) > 100_000:  # more is a mistake
-            raise InputError(f"{path}: {len(inside)} files are too many; split the folder")
         known = [p for p in inside if p.suffix.lower() in READERS]
         strange = [p for p in inside if p not in known and p.suffix.lower() not in _IGNORED]
         if not known or strange:
