@@ -99,6 +99,7 @@ def typer_command(kind: type[Command]) -> Callable[..., Job]:
     It does not do the work but returns it as a job, which ``main`` runs outside Typer for its exit
     code: no error in the work is taken for a mistake in the options.
     """
+    # What docstrings say: group, short form, metavar and help of each option.
     said = dict[str, tuple[str, ...]]()
     for each in (Command, kind):
         summary, *rest = _SECTION.split(cleandoc(each.__doc__ or ""))
@@ -106,23 +107,24 @@ def typer_command(kind: type[Command]) -> Callable[..., Job]:
         for group, text in sections.items():
             said |= {name: (group, *more) for name, *more in _ENTRY.findall(text)}
 
+    # A parameter for each field, those that all commands have last.
     hints, parameters = get_type_hints(kind), []
     for field in sorted(fields(kind), key=lambda field: field.name in ("verbose", "quiet")):
         group, short, metavar, text = said[field.name]
-        shown: dict[str, Any] = {"metavar": metavar, "show_default": False}
-        shown["help"] = " ".join(text.split()).format_map(kind.names)
+        words = " ".join(text.split()).format_map(kind.names)
+        shown: dict[str, Any] = {"metavar": metavar, "help": words, "show_default": False}
         flags = [f"--{field.name.replace('_', '-')}", *filter(None, [short])]
+        made = (
+            typer.Argument(**shown)
+            if group == "Arguments"
+            else typer.Option(*flags, rich_help_panel=group, **shown)
+        )
         parameters.append(
             Parameter(
                 field.name,
                 Parameter.KEYWORD_ONLY,
                 default=Parameter.empty if field.default is MISSING else field.default,
-                annotation=Annotated[
-                    hints[field.name],
-                    typer.Argument(**shown)
-                    if group == "Arguments"
-                    else typer.Option(*flags, rich_help_panel=group, **shown),
-                ],
+                annotation=Annotated[hints[field.name], made],
             )
         )
 
