@@ -232,8 +232,9 @@ def compare(
     check_scene(scene)
     polygons = [] if facets is None else of_facets(facets)
     given = (DEFAULT_MODELS if facets is None else ()) if models is None else models
-    given = [given] if isinstance(given, (str, Method)) else given
-    methods = _methods([*polygons, *given] if isinstance(given, Sequence) else given)
+    is_one = isinstance(given, str) or not isinstance(given, Sequence)
+    several: Any = [given] if is_one else given
+    methods = _methods([*polygons, *several])
     len(scene.contacts)  # faults of the geometry show here, once
     steps = len({question_of(method) for method in methods}) + repeat * len(methods)
     with progress_bar("comparing", steps, progress) as advance:
@@ -246,8 +247,6 @@ def compare(
 
 
 def _methods(models: Sequence[str | Method]) -> list[Method]:
-    if not isinstance(models, Sequence):
-        raise ModelError(f"models must be names or Model objects, got {models!r}")
     known = [*registry().values()]
     result: dict[str, Method] = {}
     for model in models:

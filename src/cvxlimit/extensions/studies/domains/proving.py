@@ -18,7 +18,7 @@ from cvxlimit.methods.answer import Answer
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
 from cvxlimit.proving.derived import derived_checks, words_of_method
 from cvxlimit.proving.prove import Proof, Scenes, scene_of
-from cvxlimit.proving.solutions import as_solved, known_or_asked, solution_checks
+from cvxlimit.proving.solutions import known_or_asked, solution_checks
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import combined
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
@@ -72,7 +72,7 @@ class DomainAgain:
 
     def _supports(self) -> Iterator[Check]:
         structure, supports = self.structure, self.domain.supports
-        raws = [self._raw(s) for s in supports]
+        raws = [structure.said(s) for s in supports]
         if not structure.has_reference:
             known = [raw for raw in raws if raw is not None and not raw.is_ray]
             structure.refer_to([r for r in known if np.abs(r.factors).max() < 0.5 * WINDOW])
@@ -83,32 +83,6 @@ class DomainAgain:
             again = structure.proved(raw)
             yield from self._compared(i, s, again)
             yield from self._own(i, s, raw, again)
-
-    def _raw(self, s: Support) -> Raw | None:
-        """What a solver may have said, of which nothing is believed."""
-        solution, run, units = s.solution, self.structure.run, self.structure.units
-        if solution is None or solution.forces is None or s.loaded is None:
-            return None
-        if solution.forces.shape != (len(run.contacts), 6):
-            return None
-        own, rates = as_solved(solution, run)
-        given = forces = np.array(own)
-        about = s.loaded / units
-        is_lost = rates is None and solution.mechanism is not None
-        rates = s.rates if solution.mechanism is None else rates
-        if is_lost or (rates is not None and len(rates) != len(self.scene.free)):
-            return None
-        if self.structure.certifier.strength.is_internal:
-            if solution.internal is None:
-                return None
-            given = solution.internal
-        factors = about * (solution.load_factor or 0.0)
-        if s.ray is not None:
-            load = self.structure.forces @ about
-            taken = self.structure.assemblage.statics.matrix @ forces.ravel()
-            factors = about * max(-float(taken @ load) / float(load @ load), 0.0)
-        return Raw(s.direction / units, factors, forces, given, rates, s.ray is not None,
-                   solution.history[-1], s.is_mirrored)  # fmt: skip
 
     def _compared(self, i: int, s: Support, again: Support) -> Iterator[Check]:
         units = self.structure.units
