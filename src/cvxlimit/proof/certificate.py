@@ -31,6 +31,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import BALANCED, DOF, block_sizes
+from cvxlimit.proof.checks import SLACK
 from cvxlimit.proof.gluing import glued, without_idle
 from cvxlimit.proof.opening import OpenedMechanism, open_mechanism, spare_opening
 from cvxlimit.proof.slater import Witnesses
@@ -147,8 +148,13 @@ class Certifier:
         """Take the reference states of a solution, or of the same blocks under other strengths and
         loads, as far as they are valid here: seeking them takes half of a certificate's time.
         Forces that carry a part of the live load too (``has_live``) show which. Returns False for
-        forces that are none, and takes them not; raises ModelError as :meth:`offer_dead_state`."""
-        self.witnesses.borrowed_field = self._rates(given.rates)  # checked wherever it is used
+        forces that are none, and takes them not; raises ModelError as :meth:`offer_dead_state`.
+
+        Nothing of them is believed: rates are checked wherever they are used, and forces have to be
+        strictly inside all surfaces, in equilibrium to rounding. What they leave unbalanced must be
+        little of the loads as well, and not only of themselves: where blocks wedge each other,
+        forces may be as large as one likes."""
+        self.witnesses.borrowed_field = self._rates(given.rates)
         state, factor = self.strength.state(given.forces), 0.0
         if state is None:
             return given.forces is None
@@ -156,9 +162,11 @@ class Certifier:
             factor = self.strength.balancing(state, factor, self.statics)
         if not self.is_balanced(state, factor):  # it is under the load that it was found for
             state = self.strength.balanced(state, factor, self.statics)
-        if is_inside := self._reserve(state, factor) > 0.0:
+        left = block_sizes(self.statics.residual(self.strength.forces(state), factor), self.size)
+        is_little = float(left.max()) <= SLACK * self._total_load(factor)
+        if is_taken := is_little and self._reserve(state, factor) > 0.0:
             self.witnesses.dead_state, self.witnesses.factor = state, factor
-        return is_inside
+        return is_taken
 
     def offer_dead_state(self, forces: ArrayLike, factor: float = 0.0) -> bool:
         """Offer contact forces (n, 6) as the dead-load state; returns True if they prove to be one.
