@@ -1,4 +1,10 @@
-"""Solutions without dilatancy, and what least thrusts exclude, proved again."""
+"""Solutions without dilatancy, and what least thrusts exclude, proved again: what the method adds
+at ``cvxlimit.checks``.
+
+The lowest solution is one if equilibrium, yield, flow rule and complementarity leave no more than
+is claimed; the bracket of all of them is that of associated friction above and of least thrusts
+below, both solved anew, since a file holds the proof of neither.
+"""
 
 from __future__ import annotations
 

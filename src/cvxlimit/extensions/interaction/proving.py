@@ -1,4 +1,9 @@
-"""Solutions with certified interaction, proved again."""
+"""Solutions with certified interaction, proved again: what the method adds at ``cvxlimit.checks``.
+
+The lower bound rests on forces inside Eq. 30, to which reference states inside are sought anew; the
+upper one on a mechanism of the convex relaxation. What branch and bound has raised further rests on
+its tree, which no file holds: that is said.
+"""
 
 from __future__ import annotations
 
