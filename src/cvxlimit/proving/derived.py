@@ -45,7 +45,7 @@ def bound_checks(said: Solution, found: Bracket, unit: float) -> Iterator[Check]
                 yield Check(f"{end} bound", False, f"{said.status} without it")
             continue
         is_near = abs(at - value) <= SLACK * max(abs(value), unit)
-        but = f"{evidence} {rounding(at, 9)}" if np.isfinite(at) else f"nothing that {evidence}"
+        but = f"{evidence} {rounding(at, 9) if np.isfinite(at) else 'none'}"
         but += rests_on_a_tree(said) if end == "upper" else ""
         if is_near:
             but = "only with an assumption on sizes, and none is stated"

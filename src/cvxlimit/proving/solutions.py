@@ -312,7 +312,8 @@ class ProvedAgain:
             left = self._left(statics.dead + factor * live, self.forces)
             left /= scaling.force * (1.0 + abs(factor) / scaling.ratio)
             is_other = abs(carried - factor) > max(self.near, 10.0 * RESIDUAL * abs(factor))
-            but = f"the forces carry {carried:.9g}, with a residual {left:.1e} of the total load"
+            but = f"residual {left:.1e} of the total load"
+            but = f"the forces carry {carried:.9g}" if is_other else but
             yield proved(claim, not is_other and left <= RESIDUAL, but, "the forces carry it")
             if bracket.clipped(factor) != factor:
                 yield Check(claim, False, f"it is outside of its bracket {bracket}")
