@@ -37,7 +37,7 @@ from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import ContactKind, ContactMotion
 
 if TYPE_CHECKING:
-    from cvxlimit.plotting.drawing import SceneFigure as SceneFigure
+    from cvxlimit.plotting.sheet import SceneFigure as SceneFigure
 
 __all__ = [
     "PICTURES", "Animation", "Bar", "ContactKind", "ContactMotion", "Drawing", "Lines", "Motion",
@@ -58,7 +58,7 @@ if not TYPE_CHECKING:  # to type checkers it would make any name an attribute
 
     def __getattr__(name: str) -> Any:
         if name == "SceneFigure":  # a Matplotlib figure
-            return figures().SceneFigure
+            return figures("sheet").SceneFigure
         raise AttributeError(f"module 'cvxlimit.plotting' has no attribute {name!r}")
 
 
@@ -166,7 +166,7 @@ def scene_figure(
     """
     made = figures()
     drawing = made.scene_drawing(scene, viewer, refusal or refused(scene))
-    found: SceneFigure = made.drawn(drawing, made.Sheet(**options))
+    found: SceneFigure = made.drawn(drawing, **options)
     return found
 
 
@@ -174,8 +174,5 @@ def figure(scene: Scene, solution: Solution, viewer: Viewer = None, **options: A
     """The picture of :func:`plot` as a Matplotlib figure, which notebooks show when it ends a cell.
     ``viewer`` is the direction from the scene towards the viewer, chosen from the movement if
     None; ``ax``, ``figsize``, ``title`` and ``legend`` are those of :func:`picture`."""
-    made = figures()
-    found: SceneFigure = made.drawn(
-        mechanism_of(scene, solution, viewer=viewer), made.Sheet(**options)
-    )
+    found: SceneFigure = figures().drawn(mechanism_of(scene, solution, viewer=viewer), **options)
     return found

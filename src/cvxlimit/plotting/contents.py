@@ -11,7 +11,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
-from cvxlimit.plotting.look import CASE_COLOURS, block_colours, title
+from cvxlimit.plotting.look import block_colours, printable, title
 from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, motion, still
 from cvxlimit.scene import Scene
@@ -32,7 +32,7 @@ class Bar:
 class Lines:
     """Straight lines over the blocks: ends (k, 2, 3), widths (k,) in points, one colour; opacity
     (k,) of each if it differs, and heads at their second ends if they are arrows. With ``each``,
-    the length of a unit of force, a bar states the scale."""
+    the length of a unit of force, the legend states the largest."""
 
     ends: FloatArray
     widths: FloatArray
@@ -90,19 +90,17 @@ class Drawing:
     keys: Sequence[tuple[str, str]] = ()
 
     @property
-    def scales(self) -> list[tuple[float, float, str]]:
-        """Returns for each kind of force that is drawn to scale the length of a unit, that of the
-        longest arrow, and its colour."""
-        found = []
+    def largest_forces(self) -> dict[str, str]:
+        """Returns what the longest arrow of each load case that is drawn to scale stands for, and
+        under ``""`` that of the lines."""
+        ends = {case: np.array([(a.tail, a.tip) for a in self.notes.arrows if a.case == case])
+                for case in self.notes.each}  # fmt: skip
+        each = dict(self.notes.each)
         if self.lines is not None and self.lines.each is not None and len(self.lines.ends):
-            run = self.lines.ends[:, 1] - self.lines.ends[:, 0]
-            longest = float(np.linalg.norm(run, axis=1).max())
-            found.append((self.lines.each, longest, self.lines.colour))
-        for case, each in self.notes.each.items():
-            arrows = [arrow for arrow in self.notes.arrows if arrow.case == case]
-            longest = max(float(np.linalg.norm(np.subtract(a.tip, a.tail))) for a in arrows)
-            found.append((each, longest, CASE_COLOURS[case]))
-        return found
+            ends[""], each[""] = self.lines.ends, self.lines.each
+        longest = {k: np.linalg.norm(np.diff(v, axis=1), axis=2).max() for k, v in ends.items()}
+        unit = printable(self.scene.units.force)
+        return {k: f", largest {longest[k] / each[k]:.4g} {unit}" for k in ends}
 
 
 def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:

@@ -109,8 +109,7 @@ def _pictures(scene: Scene, solution: Solution) -> str:
         drawings.insert(0, ("the structure and its loads", at_rest))
         shown = ""
         for text, drawing in drawings:
-            sheet = pictures.Sheet(figsize=(4.6, 3.6), title="")
-            shown += _figure(pictures.drawn(drawing, sheet), text)
+            shown += _figure(pictures.drawn(drawing, figsize=(4.6, 3.6), title=""), text)
         return f'<div class="pictures">{shown}</div>'
     except ModelError as error:  # without Matplotlib the figures are still worth having
         return f"<p>{_text(f'no pictures: {error}')}</p>"

@@ -182,7 +182,7 @@ class Envelope:
 
         ``options`` are those of all charts: ``size`` in inches, ``title``, ``ax``, ``legend``.
         """
-        chart = figures("chart").Chart.of(options, (6.4, 3.8))
+        chart = figures("sheet").Sheet.of((6.4, 3.8), **options)
         for is_forward, colour, name in (
             (True, Style.blue, "forward"),
             (False, Style.brown, "back"),
@@ -207,7 +207,6 @@ class Envelope:
         for each in (chart.axes.yaxis.set_major_formatter, chart.axes.yaxis.set_minor_formatter):
             each(needed("matplotlib.ticker", "plot", "charts").LogFormatter())
         chart.write(f"{self.scene_name}: a vehicle of {self.vehicle.force:g} {self.units.force}")
-        chart.write_legend()
         return chart.figure if file is None else saved(chart.figure, file, options)
 
 

@@ -44,8 +44,8 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     """Resultants: the force that each joint exerts on the block above it, at its pressure centre.
 
     Arrows are as long, wide and dark as the force; below 2 % of the largest there is none. Loads
-    are those at collapse. Dead load, live load and forces in joints each have a bar in their
-    colour that states their scale. Parameters and errors as for
+    are those at collapse. Dead load, live load and forces in joints each have a scale of their own:
+    the legend says what the longest arrow of each stands for. Parameters and errors as for
     :func:`mechanism`; besides, a solution must have forces. Planar structures are seen straight
     from the front unless ``viewer`` says otherwise.
     """
@@ -65,8 +65,8 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     ends = np.stack([place[shown] - each * vectors[shown], place[shown]], axis=1)
     label = "force on the block above"
     drawing = _with_forces(
-        solution, viewer, f"loads and forces in the joints at collapse; forces above "
-        f"{100 * FAINTEST:g} % of the largest, {largest:.3g} {scene.units.force}",
+        solution, viewer, "loads and forces in the joints at collapse; forces above "
+        f"{100 * FAINTEST:g} % of the largest",
         ends, size[shown] / largest,
         Lines(ends, 0.6 + 1.4 * size[shown] / largest, Style.force, label, heads=True, each=each),
     )  # fmt: skip
