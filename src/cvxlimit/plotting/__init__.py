@@ -21,7 +21,7 @@ from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.plotting import pictures
 from cvxlimit.plotting.annotations import refused
-from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
+from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for, scene_drawing
 from cvxlimit.plotting.look import IMAGES, saved, title, with_suffix
 from cvxlimit.plotting.pictures.animation import Animation, animation
 from cvxlimit.plotting.pictures.exploded import exploded
@@ -164,9 +164,8 @@ def scene_figure(
     ``viewer`` is the direction from the scene towards the viewer; ``ax``, ``figsize``, ``title``
     and ``legend`` are those of :func:`picture`.
     """
-    made = figures()
-    drawing = made.scene_drawing(scene, viewer, refusal or refused(scene))
-    found: SceneFigure = made.drawn(drawing, **options)
+    drawing = scene_drawing(scene, viewer, refusal or refused(scene))
+    found: SceneFigure = figures().drawn(drawing, **options)
     return found
 
 

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape
+from cvxlimit.errors import InputError
+from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape, annotated
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
-from cvxlimit.plotting.look import block_colours, printable, title
+from cvxlimit.plotting.look import block_colours, scene_joints, scene_title, title
 from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, motion, still
 from cvxlimit.scene import Scene
@@ -89,19 +88,6 @@ class Drawing:
     glass: bool = False
     keys: Sequence[tuple[str, str]] = ()
 
-    @property
-    def largest_forces(self) -> dict[str, str]:
-        """Returns what the longest arrow of each load case that is drawn to scale stands for, and
-        under ``""`` that of the lines."""
-        ends = {case: np.array([(a.tail, a.tip) for a in self.notes.arrows if a.case == case])
-                for case in self.notes.each}  # fmt: skip
-        each = dict(self.notes.each)
-        if self.lines is not None and self.lines.each is not None and len(self.lines.ends):
-            ends[""], each[""] = self.lines.ends, self.lines.each
-        longest = {k: np.linalg.norm(np.diff(v, axis=1), axis=2).max() for k, v in ends.items()}
-        unit = printable(self.scene.units.force)
-        return {k: f", largest {longest[k] / each[k]:.4g} {unit}" for k in ends}
-
 
 def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:
     """The camera in direction ``viewer``, or the one that shows the movement."""
@@ -113,3 +99,11 @@ def at_rest(solution: Solution, viewer: Viewer, caption: str, **parts: Any) -> D
     camera = camera_for(scene, motion(scene, solution), viewer)
     pale = block_colours(scene, still(scene), stone=Style.pale)
     return Drawing(scene, still(scene), camera, title(solution), caption, colours=pale, **parts)
+
+
+def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> Drawing:
+    """Returns what is drawn of a scene without an answer, with its ``refusal`` if there is one."""
+    moving = still(scene)
+    marking = None if refusal else scene_joints(scene)
+    camera, notes = camera_for(scene, moving, viewer), annotated(scene, refusal)
+    return Drawing(scene, moving, camera, scene_title(scene), marking=marking, notes=notes)

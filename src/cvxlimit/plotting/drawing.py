@@ -21,23 +21,15 @@ from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Annotations, annotated
 from cvxlimit.plotting.axes import coordinate_axes, draw_axis
 from cvxlimit.plotting.camera import Camera, default_camera
-from cvxlimit.plotting.contents import Drawing, Lines, Viewer, camera_for
+from cvxlimit.plotting.contents import Drawing, Lines
 from cvxlimit.plotting.picture import Fill, Seen, seen
 from cvxlimit.plotting.sheet import DPI, WIDE, SceneFigure, Sheet
 from cvxlimit.plotting.style import Style
-from cvxlimit.results.movement import Motion, still
+from cvxlimit.results.movement import Motion
 from cvxlimit.scene import Scene
 
 ROOM, NARROWEST = np.array([7.6, 6.4]), 6.7
 """Inches that a scene takes, and the least width of a figure, where nobody states a size."""
-
-
-def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> Drawing:
-    """Returns what is drawn of a scene without an answer, with its ``refusal`` if there is one."""
-    moving = still(scene)
-    marking = None if refusal else look.scene_joints(scene)
-    camera, notes = camera_for(scene, moving, viewer), annotated(scene, refusal)
-    return Drawing(scene, moving, camera, look.scene_title(scene), marking=marking, notes=notes)
 
 
 def drawn(drawing: Drawing, **options: Any) -> SceneFigure:
@@ -236,15 +228,19 @@ def _points(drawing: Drawing, picture: Seen) -> FloatArray:
 
 def _keys(drawing: Drawing) -> Iterator[Line2D]:
     """Yields the legend's entries: joints, forces, shapes, blocks, loads, marks."""
-    marking, notes, moves = drawing.marking, drawing.notes, drawing.moving.moves
+    marking, notes, lines = drawing.marking, drawing.notes, drawing.lines
+    unit, moves = drawing.scene.units.force, drawing.moving.moves
     if marking is not None:
         for kind in (kind for kind in marking.colours if kind in marking.texts):
             count = int((marking.kind == kind).sum())
             if count or moves:
                 yield _key(f"{marking.texts[kind]} ({count})", marking.colours[kind])
-    largest = drawing.largest_forces
-    if drawing.lines is not None:
-        yield _key(f"{drawing.lines.label}{largest.get('', '')}", drawing.lines.colour, "-")
+    if lines is not None:
+        largest = ""
+        if lines.each is not None and len(lines.ends):
+            longest = np.linalg.norm(lines.ends[:, 1] - lines.ends[:, 0], axis=1).max()
+            largest = f", largest {longest / lines.each:.4g} {unit}"
+        yield _key(lines.label + largest, lines.colour, "-")
     if drawing.dots is not None:
         yield _key("pressure centre", Style.centre, "o", ms=4.5, mec="white")
     for colour, label in drawing.keys:
@@ -261,7 +257,8 @@ def _keys(drawing: Drawing) -> Iterator[Line2D]:
     if notes.culprits:
         yield _key("refused", Style.culprit)
     for case in sorted({arrow.case for arrow in notes.arrows}):
-        yield _key(f"{case} load{largest.get(case, '')}", look.CASE_COLOURS[case], "-")
+        largest = f", largest {notes.largest[case]:.4g} {unit}" if case in notes.largest else ""
+        yield _key(f"{case} load{largest}", look.CASE_COLOURS[case], "-")
     if notes.marks:
         label = "where it is wrong" if notes.refusal else f"near miss ({len(notes.marks)})"
         yield _key(label, Style.mark, "o", mfc="none", mew=1.4)
@@ -270,7 +267,9 @@ def _keys(drawing: Drawing) -> Iterator[Line2D]:
 def _key(label: str, colour: str, marker: str = "s", **style: Any) -> Line2D:
     """Returns an entry of the legend: a square, a dot or, with "-", a line of a colour."""
     shape = {"lw": 2.2} if marker == "-" else {"ls": "none", "marker": marker}
-    return Line2D([], [], color=colour, label=label, **(shape | {"ms": 7.0} | style))
+    return Line2D(
+        [], [], color=colour, label=look.printable(label), **(shape | {"ms": 7.0} | style)
+    )
 
 
 def _ends(values: FloatArray) -> tuple[float, float]:

@@ -170,7 +170,7 @@ class Sheet:
         if self.is_own:
             legend = self.figure.legend(handles, labels, loc="outside lower center", **look)
         elif self.axes.axison and handles:
-            legend = self.axes.legend(handles, labels, **look)
+            legend = self.axes.legend(handles, labels, **look | {"ncols": 1})
         else:
             look |= {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 3.0}
             legend = self.axes.legend(handles, labels, **look)

@@ -123,8 +123,7 @@ def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
         path.scene, largest, camera_for(path.scene, largest, viewer), _title(path),
         f"blocks as they are displaced. {_PROVED}", bar=Bar(Style.speed, WAY_TEXT),
     )  # fmt: skip
-    texts = [text.replace(" at ", "\nat ") for text in _texts(path)]
-    frames = forth_and_back(frames_of(drawing, motions, texts, **options))
+    frames = forth_and_back(frames_of(drawing, motions, _texts(path), **options))
     return Animation(frames, _PAUSE * len(frames))
 
 

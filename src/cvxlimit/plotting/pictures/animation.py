@@ -164,20 +164,22 @@ def forth_and_back(frames: Sequence[Bytes]) -> tuple[Bytes, ...]:
 def frames_of(
     drawing: Drawing, motions: Sequence[Motion], texts: Sequence[str] = (), **options: Any
 ) -> list[Bytes]:
-    """Pixels of a drawing in each of its motions, with a text in the lower left corner.
+    """Pixels of a drawing in each of its motions, with a text below the title.
 
     All are drawn on one figure: the blocks of the last one are removed, everything else stays.
     """
     made = figures()
     figure, shown = made.assembled(drawing, seen(drawing), **options)
     figure.set_dpi(DPI)
+    axes, texts = figure.axes[0], texts or [""] * len(motions)
+    said = axes.set_title(texts[0], fontsize=8, pad=14)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     frames = []
-    for motion, text in zip(motions, texts or [""] * len(motions), strict=True):
+    for motion, text in zip(motions, texts, strict=True):
         for artist in shown:
             artist.remove()
-        shown = made.draw_seen(figure.axes[0], seen(replace(drawing, moving=motion)), 1.0)
-        shown.append(figure.text(0.02, 0.02, text, fontsize=8))
+        shown = made.draw_seen(axes, seen(replace(drawing, moving=motion)), 1.0)
+        said.set_text(text)
         frames.append(figure.pixels())
     return frames
