@@ -50,7 +50,7 @@ def drawings(monkeypatch) -> list[Drawing]:
 class TestThrust:
     def test_it_runs_inside_the_arch(self, arch: Solution) -> None:
         """Without tension no pressure centre leaves the ring: 0.15 thick about radius 1."""
-        ends, _ = thrust_lines(arch.scene, arch.forces)
+        ends, _, _ = thrust_lines(arch.scene, arch.forces)
         radius = np.linalg.norm(ends[..., [0, 2]], axis=2)
         assert len(ends) == len(arch.scene.free)  # one line in every voussoir
         assert radius.min() >= 1 - 0.075 - 1e-6
@@ -65,7 +65,7 @@ class TestThrust:
         assert closed.max() < 1.0 - 1e-4
 
     def test_the_thrust_of_a_line_is_the_joints(self, arch: Solution) -> None:
-        _, size = thrust_lines(arch.scene, arch.forces)
+        _, size, _ = thrust_lines(arch.scene, arch.forces)
         normal = arch.to_dataframe()["N"]
         assert normal.min() <= size.min() <= size.max() <= normal.max()
 

@@ -21,7 +21,7 @@ from cvxlimit.plotting.camera import default_camera, thin_axis, upright
 from cvxlimit.plotting.contents import Drawing, scene_drawing
 from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.picture import drawn_mesh, shown_bounds
-from cvxlimit.plotting.pictures.forces import thrust_of_blocks
+from cvxlimit.plotting.pictures.forces import thrust_lines
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
 from cvxlimit.plotting.pictures.utilisation import used_shares
 from cvxlimit.plotting.style import Style
@@ -109,14 +109,14 @@ def _strength_data(scene: Scene, solution: Solution, forces: FloatArray) -> dict
         used = used_shares(shown, scene)
     except InputError:  # of a surface of one's own only the name is left
         state, used = "", np.full(len(scene.contacts), np.nan)
-    ends, share, block = thrust_of_blocks(scene, forces)
+    ends, size, block = thrust_lines(scene, forces)
     return {
         "useStops": Style.use,
         "useText": f"{look.USE_TEXT} {state}",
         "used": [None if np.isnan(u) else round(min(u, 1.0), 4) for u in used.tolist()],
         "thrust": {
             "ends": _coordinates(scene, ends.reshape(-1, 3)),
-            "share": _short(share),
+            "share": _short(size / size.max(initial=0.0)),
             "block": block.tolist(),
         },
     }
@@ -208,6 +208,13 @@ def _page_data(drawing: Drawing) -> dict[str, Any]:
             {"text": marking.texts[kind], "colour": colour, "code": int(kind)}
             for kind, colour in marking.colours.items()
         ],
+    } | _notes_data(drawing)
+
+
+def _notes_data(drawing: Drawing) -> dict[str, Any]:
+    """Crushed zones, ties, arrows of loads, and places to look at."""
+    scene, notes = drawing.scene, drawing.notes
+    return {
         "shapes": [
             {
                 "points": _coordinates(scene, shape.points),
