@@ -350,7 +350,7 @@ class TestOnesOwn:
 def test_pictures_by_name(arch: Solution, tmp_path) -> None:
     assert arch.plot("page")._repr_html_().startswith("<iframe")
     assert arch.plot("page", tmp_path / "arch.html").stat().st_size > 10_000
-    with pytest.raises(InputError, match="there is no picture 'thrusts': choose one of mechanism"):
+    with pytest.raises(InputError, match="no picture 'thrusts': choose one of mechanism"):
         arch.plot("thrusts")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"'arch.doc': give a name that ends in .png or .svg"):
         arch.plot("forces", tmp_path / "arch.doc")

@@ -16,13 +16,13 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
-from cvxlimit.base.checks import meant, of_type
+from cvxlimit.base.checks import of_type
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.plotting import pictures
 from cvxlimit.plotting.annotations import refused
 from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for, scene_drawing
-from cvxlimit.plotting.look import IMAGES, saved, title, with_suffix
+from cvxlimit.plotting.look import IMAGES, of_kind, saved, title, with_suffix
 from cvxlimit.plotting.pictures.animation import Animation, animation
 from cvxlimit.plotting.pictures.exploded import exploded
 from cvxlimit.plotting.pictures.forces import forces, thrust
@@ -66,16 +66,10 @@ def picture_of(
     solution: Solution, kind: str, path: str | os.PathLike[str] | None = None, **options: Any
 ) -> Any:
     """The picture of a solution by its kind, or its file; see :meth:`Solution.plot`."""
-    if kind not in PICTURES:
-        raise InputError(
-            f"there is no picture {kind!r}: choose one of {', '.join(PICTURES)}"
-            + meant(kind, PICTURES, before="; ")
-        )
-    if path is None:
-        return PICTURES[kind](solution, **options)
-    if Path(path).suffix.lower() in (".html", ".vtu") and not options and kind != "page":
+    is_mechanism = kind in PICTURES and kind != "page" and not options
+    if is_mechanism and path is not None and Path(path).suffix.lower() in (".html", ".vtu"):
         return plot(solution.scene, solution, path)[0]
-    return saved(PICTURES[kind](solution, **options), path, options)
+    return of_kind("a solution", PICTURES, kind, solution, path, options)
 
 
 def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tuple[Path, ...]:

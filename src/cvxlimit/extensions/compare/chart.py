@@ -130,25 +130,23 @@ def draw_against_facets(axes: Sequence[Axes], rows: Sequence[Row]) -> None:
 def few_ticks(axis: Axis) -> None:
     """Labels at 1, 2 and 5 times powers of ten of a logarithmic axis, or at these powers where
     there is no room; closer where these are less than three."""
+    from matplotlib.ticker import LogLocator, MaxNLocator
+
     low, high = axis.get_view_interval()
-    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
     figure: Any = axis.get_figure(root=True)
     inches = axis.axes.get_window_extent().size / figure.dpi
     most = 1.6 * inches[0] if axis is axis.axes.xaxis else 3.0 * inches[1]
-    for steps in ((1, 2, 5), (1, 3), (1,)):
-        found = [k * 10.0**power for power in range(first, last + 1) for k in steps]
-        inside = [value for value in found if low <= value <= high]
-        if len(inside) <= most:
-            break
-    if len(inside) < 3:
-        from matplotlib.ticker import MaxNLocator
 
-        inside = [
-            v
-            for v in MaxNLocator(max(2, min(5, int(most)))).tick_values(low, high)
-            if low <= v <= high
-        ]
-    axis.set_ticks(inside, [f"{value:,.6g}" for value in inside])
+    def inside(locator: LogLocator | MaxNLocator) -> list[float]:
+        return [float(v) for v in locator.tick_values(low, high) if low <= v <= high]
+
+    for steps in ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
+        found = inside(LogLocator(subs=steps, numticks=1000))
+        if len(found) <= most:
+            break
+    if len(found) < 3:
+        found = inside(MaxNLocator(max(2, min(5, int(most)))))
+    axis.set_ticks(found, [f"{value:,.6g}" for value in found])
     axis.set_ticks([], minor=True)
 
 
