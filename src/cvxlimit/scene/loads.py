@@ -54,6 +54,24 @@ class PointForce:
         _set(self, "at", _vector(self.at, 3, f"point {what}"))
         _set(self, "force", _vector(self.force, 3, f"force {what}"))
 
+    def resultant(self, block: Block) -> tuple[Vector, Vector, Vector]:
+        """Returns the point, the force and the moment there, which is none, (3,) each.
+
+        Raises
+        ------
+        InputError
+            If the point is far off the block.
+        """
+        distance = float(np.linalg.norm(self.at - block.centroid))
+        reach = float(np.linalg.norm(block.vertices - block.centroid, axis=1).max())
+        if distance > REACH * reach:
+            raise InputError(
+                f"a point load on block {block.id!r} acts at {list(self.at)}, {distance:g} from "
+                f"the block's centroid, whose farthest corner is {reach:g} away: give a point of "
+                "the block"
+            )
+        return self.at, self.force, (0.0, 0.0, 0.0)
+
 
 @dataclass(frozen=True)
 class GrowingAcceleration:
@@ -246,30 +264,26 @@ class Load(RemadeFromFields):
         """
         loaded = list(blocks)
         index = {block.id: i for i, block in enumerate(loaded)}
-        # Multiples of weights, then forces at centroids, point loads and pressures.
-        parts = [self._body_forces(loaded)]
-        for key, force in self.forces.items():
-            if key in index:
-                at = loaded[index[key]].centroid
-                parts.append(_action(index[key], at, force[:3], force[3:]))
-        parts += [
-            _point_action(index[p.block], loaded[index[p.block]], p)
-            for p in self.points
-            if p.block in index
+        # Multiples of weights at all centroids, then forces at some, point loads and pressures.
+        weights = np.array([block.weight for block in loaded])[:, None] * self.per_weight(loaded)
+        all_of_them = [np.reshape([block.centroid for block in loaded], (-1, 3)),
+                       weights[:, :3], weights[:, 3:]]  # fmt: skip
+        placed: Sequence[PointForce | Pressure] = (*self.points, *self.pressures)
+        rows: list[tuple[Any, ...]] = [
+            (index[key], loaded[index[key]].centroid, force[:3], force[3:])
+            for key, force in self.forces.items()
+            if key in index
         ]
-        parts += [
-            _action(index[p.block], *p.resultant(loaded[index[p.block]]))
-            for p in self.pressures
-            if p.block in index
+        rows += [
+            (index[each.block], *each.resultant(loaded[index[each.block]]))
+            for each in placed
+            if each.block in index
         ]
-        names = ("block", "at", "force", "moment")
-        return Actions(*(np.concatenate([getattr(x, name) for x in parts]) for name in names))
-
-    def _body_forces(self, blocks: Sequence[Block]) -> Actions:
-        """Returns the forces that are multiples of the blocks' weights, at their centroids."""
-        acting = np.array([b.weight for b in blocks])[:, None] * self.per_weight(blocks)
-        at = np.array([b.centroid for b in blocks]).reshape(-1, 3)
-        return Actions(np.arange(len(blocks)), at, acting[:, :3], acting[:, 3:])
+        single = (np.reshape([row[k] for row in rows], (-1, 3)) for k in (1, 2, 3))
+        return Actions(
+            np.array([*range(len(loaded)), *(row[0] for row in rows)], dtype=np.int64),
+            *(np.concatenate(both) for both in zip(all_of_them, single, strict=True)),
+        )
 
     def per_weight(self, blocks: Sequence[Block]) -> FloatArray:
         """Returns forces and moments (n, 6) about the centroids per unit of each block's weight, of
@@ -350,25 +364,6 @@ def combined(loads: Sequence[Load], factors: ArrayLike) -> Load:
         ]
     total_acceleration = tuple(acceleration) if acceleration.any() else None
     return Load(None, total_acceleration, force, points, pressures, times, growing)  # type: ignore[arg-type]
-
-
-def _point_action(i: int, block: Block, point: PointForce) -> Actions:
-    """Returns a point load as an action on block ``i``; raises InputError if it is far off the
-    block."""
-    distance = float(np.linalg.norm(point.at - block.centroid))
-    reach = float(np.linalg.norm(block.vertices - block.centroid, axis=1).max())
-    if distance > REACH * reach:
-        raise InputError(
-            f"a point load on block {block.id!r} acts at {list(point.at)}, {distance:g} from the "
-            f"block's centroid, whose farthest corner is {reach:g} away: give a point of the block"
-        )
-    return _action(i, np.array(point.at), point.force, (0.0, 0.0, 0.0))
-
-
-def _action(i: int, at: ArrayLike, force: ArrayLike, moment: ArrayLike) -> Actions:
-    """Returns one force and moment (3,) at a point (3,) of block ``i``."""
-    rows = [np.reshape(np.asarray(x, dtype=float), (1, 3)) for x in (at, force, moment)]
-    return Actions(np.array([i]), *rows)
 
 
 def _set(target: object, name: str, value: object) -> None:

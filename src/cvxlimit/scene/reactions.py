@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cvxlimit.base.arrays import ROUNDING, FloatArray
-from cvxlimit.base.checks import finite_vector, meant, of_type, positive
+from cvxlimit.base.checks import finite_vector, is_number, meant, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.mesh import plane_axes
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,7 @@ class Reaction:
         object.__setattr__(self, "direction", tuple(direction.tolist()))
         for name in ("most", "least"):
             value = getattr(self, name)
-            is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-            is_open = name == "most" and value == np.inf
-            if not (is_number and (np.isfinite(value) or is_open)):
+            if not (is_number(value) and (np.isfinite(value) or (name, value) == ("most", np.inf))):
                 raise InputError(f"{name} of {where} must be a number (a force), got {value!r}")
             object.__setattr__(self, name, float(value))
         if self.least > self.most:
@@ -200,23 +199,22 @@ def _points(ties: Sequence[Tie], reactions: Sequence[Reaction]) -> Iterator[_Poi
     for i, each in enumerate(reactions):
         name = f"reaction {each.on or 'ground'}-{each.block}" + (f" ({i})" if i else "")
         at, line = np.array(each.at), np.array(each.direction)
-        if each.most > 0.0:
-            least = max(each.least, 0.0)
-            yield _Point(name, each.on, each.block, at, line, least, each.most, 1.0)
-        if each.least < 0.0:  # what pulls is a point of its own
-            name += " pull" if each.most > 0.0 else ""
-            least = max(-each.most, 0.0)
-            yield _Point(name, each.on, each.block, at, line, least, -each.least, -1.0)
+        for sense, least, most in _senses(each):
+            pull = " pull" if sense < 0.0 < each.most else ""
+            yield _Point(name + pull, each.on, each.block, at, line, least, most, sense)
+
+
+def _senses(reaction: Reaction) -> Iterator[tuple[float, float, float]]:
+    """The sense and bounds of a reaction's points: one that pushes, one that pulls, or both."""
+    if reaction.most > 0.0:
+        yield 1.0, max(reaction.least, 0.0), reaction.most
+    if reaction.least < 0.0:
+        yield -1.0, max(-reaction.most, 0.0), -reaction.least
 
 
 def places(reactions: Sequence[Reaction]) -> list[tuple[int, float]]:
     """Returns which reaction each of their points is of, and its sense, in the contacts' order."""
-    return [
-        (i, sense)
-        for i, each in enumerate(reactions)
-        for sense, is_there in ((1.0, each.most > 0.0), (-1.0, each.least < 0.0))
-        if is_there
-    ]
+    return [(i, sense) for i, each in enumerate(reactions) for sense, _, _ in _senses(each)]
 
 
 def with_reactions(
@@ -232,13 +230,14 @@ def with_reactions(
     if not supports and (held := [point.name for point in points if point.a is None]):
         raise InputError(f"{held[0]!r} needs a ground that stays: name the block that pushes in on")
     place, k = {key: i for i, key in enumerate(contacts.block_ids)}, len(points)
+    lines = [point.line / np.linalg.norm(point.line) for point in points]
     bars = Contacts(
         names=tuple(point.name for point in points),
         block_ids=contacts.block_ids,
         a=np.array([place[point.a or supports[0]] for point in points]),
         b=np.array([place[point.b] for point in points]),
         origin=np.array([point.at for point in points]),
-        axes=np.array([_frame(point.line) for point in points]),
+        axes=np.array([[*plane_axes(line), line] for line in lines]),
         corner_start=np.arange(k + 1),
         corner_xy=np.zeros((k, 2)),
         sides=np.full((k, 2), np.nan),
@@ -249,10 +248,3 @@ def with_reactions(
         sense=np.array([point.sense for point in points]),
     )
     return Contacts.joined([contacts, bars])
-
-
-def _frame(line: FloatArray) -> FloatArray:
-    normal = line / np.linalg.norm(line)
-    across = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-    first = across / np.linalg.norm(across)
-    return np.array([first, np.cross(normal, first), normal])
