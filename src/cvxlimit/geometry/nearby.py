@@ -30,8 +30,8 @@ def nearby_pairs(
     bodies: Sequence[FloatArray], margin: FloatArray
 ) -> Iterator[tuple[IntArray, IntArray]]:
     """Yields pairs of bodies, first < second, without those whose boxes are apart. A body is its
-    points (k, 3); its box is grown by its ``margin`` (n,). Pairs come sorted, and in portions, so
-    that memory does not grow with their number."""
+    points (k, 3); its box is grown by its ``margin`` (n,). Pairs come sorted, in one portion or
+    several, so that memory does not grow with their number."""
     boxes = _Boxes.of(bodies, margin)
     low, high = boxes.low, boxes.high
     # The plan is across the axis along which boxes reach over the largest share of the whole.
@@ -48,8 +48,7 @@ def nearby_pairs(
         while waiting.shape[1] > _PORTION:
             yield waiting[0, :_PORTION], waiting[1, :_PORTION]
             waiting = waiting[:, _PORTION:]
-    if waiting.size:
-        yield waiting[0], waiting[1]
+    yield waiting[0], waiting[1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,8 @@
-"""Soil that resists: passive pressure as reactions, on the faces that it reaches."""
+"""Soil that resists: passive pressure as reactions, on the faces that it reaches.
+
+Of every bare face that looks sideways and not down, the part below the soil's level; unless a ray
+straight up from beside it meets a block. A ray along the axis says what the soil leans on there.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +18,6 @@ from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, fan
 from cvxlimit.scene.bare_faces import bare, chosen, free_faces, horizontal, upwards
 from cvxlimit.scene.reactions import Reaction
 from cvxlimit.scene.scene import Scene
-
-BESIDE = 1e-3
-"""Distance from a face, as a share of a block's thickness, at which soil beside it begins."""
 
 OVERHANGING = np.cos(np.radians(100.0))
 """Faces that look down by more than 10 degrees, as those of an intrados, have no soil on them."""
@@ -89,7 +90,7 @@ def passive(
             continue
         side = float(part.normal @ axis)
         at, out = sizes @ points / most, np.sign(side) * axis
-        beside = at + BESIDE * part.block.thickness * out
+        beside = at + part.block.joint_tolerance * out  # where soil beside the face begins
         if _faced(beside, up, triangles, owner, part.number) is not None:
             continue  # under an arch: no soil reaches up from here to its level
         other = _faced(at, out, triangles, owner, part.number)

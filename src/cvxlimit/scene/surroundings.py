@@ -1,5 +1,10 @@
 """What surrounds a structure as loads: water and soil beside it, water in its joints, fill and
-wheels on top of it; found on the faces that they reach, whatever their number."""
+wheels on top of it; found on the faces that they reach, whatever their number.
+
+All take the same way: the bare faces that look there (``bare_faces.py``), the part of each that is
+reached, and the pressure on it: as a :class:`~cvxlimit.Pressure`, or, where it acts straight down,
+as one force at its centre.
+"""
 
 from __future__ import annotations
 
