@@ -219,7 +219,7 @@ def random_wall(
         blocks += laid(f"b{row + 1}.", pairwise(ends), 0, (0.0, thickness), span, weight)
     fixed = [ground_below(blocks, depth=height)]
     if rng.random() < 0.5:
-        fixed.append(Block.box("side-start", (-length, 0.0, 0.0), (0.0, thickness, levels[-1])))
+        fixed.append(_side_support("start", blocks, (length, thickness, height)))
     direction = rng.normal(size=3)
     push = Load(acceleration=tuple(direction / np.linalg.norm(direction)))
     friction = float(rng.uniform(*FRICTION))

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray, IntArray, RemadeFromFields
-from cvxlimit.base.checks import finite_vector, meant, members, of_type
+from cvxlimit.base.checks import meant, members, of_type
 from cvxlimit.base.doors import Door
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import second_moments
-from cvxlimit.scene.pressures import REACH, Pressure, Vector
+from cvxlimit.scene.pressures import REACH, Pressure, Vector, set_field, vector
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class PointForce:
 
     def __post_init__(self) -> None:
         what = f"of the point load on block {self.block!r}"
-        _set(self, "at", _vector(self.at, 3, f"point {what}"))
-        _set(self, "force", _vector(self.force, 3, f"force {what}"))
+        set_field(self, "at", vector(self.at, f"point {what}"))
+        set_field(self, "force", vector(self.force, f"force {what}"))
 
     def resultant(self, block: Block) -> tuple[Vector, Vector, Vector]:
         """Returns the point, the force and the moment there, which is none, (3,) each.
@@ -107,7 +107,7 @@ class GrowingAcceleration:
     def __post_init__(self) -> None:
         for each in fields(self):
             what = f"{each.name} of a growing acceleration"
-            _set(self, each.name, _vector(getattr(self, each.name), 3, what))
+            set_field(self, each.name, vector(getattr(self, each.name), what))
         if self.base == self.top:
             raise InputError(
                 f"base and top of a growing acceleration are both {list(self.base)}: give the "
@@ -183,7 +183,7 @@ class Load(RemadeFromFields):
         for name in ("gravity", "acceleration"):
             value = getattr(self, name)
             if value is not None:
-                _set(self, name, _vector(value, 3, name))
+                set_field(self, name, vector(value, name))
         if self.gravity is not None and not np.isclose(
             np.linalg.norm(self.gravity), 1.0, atol=1e-6
         ):
@@ -198,11 +198,11 @@ class Load(RemadeFromFields):
             given = {} if getattr(self, name) is None else getattr(self, name)
             of_type(given, Mapping, f"{name} must be a mapping", f"write {{'b1': {example}}}")
             length = example.count(",") + 1
-            checked = {key: _vector(v, length, f"{what} {key!r}") for key, v in given.items()}
-            _set(self, name, MappingProxyType(checked))
+            checked = {key: vector(v, f"{what} {key!r}", length) for key, v in given.items()}
+            set_field(self, name, MappingProxyType(checked))
         for name, kind in _LISTED.items():
             what = f"{name} of a load must be {kind.__name__} objects"
-            _set(self, name, members(getattr(self, name) or (), kind, what))
+            set_field(self, name, members(getattr(self, name) or (), kind, what))
 
     def __repr__(self) -> str:
         values = {each.name: getattr(self, each.name) for each in fields(self)}
@@ -364,16 +364,6 @@ def combined(loads: Sequence[Load], factors: ArrayLike) -> Load:
         ]
     total_acceleration = tuple(acceleration) if acceleration.any() else None
     return Load(None, total_acceleration, force, points, pressures, times, growing)  # type: ignore[arg-type]
-
-
-def _set(target: object, name: str, value: object) -> None:
-    """Sets a field of a frozen dataclass."""
-    object.__setattr__(target, name, value)
-
-
-def _vector(value: object, length: int, what: str) -> Vector:
-    """Returns ``length`` finite numbers as a tuple, or raises InputError."""
-    return tuple(finite_vector(value, length, what).tolist())
 
 
 def __getattr__(name: str) -> Any:

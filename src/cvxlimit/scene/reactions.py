@@ -17,6 +17,7 @@ from cvxlimit.base.checks import finite_vector, is_number, meant, of_type, posit
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.mesh import plane_axes
+from cvxlimit.scene.pressures import set_field, vector
 
 
 @dataclass(frozen=True)
@@ -62,20 +63,19 @@ class Reaction:
         of_type(self.block, str, f"block of {where} must be the id of a block")
         if self.on is not None:
             of_type(self.on, str, f"on of {where} must be the id of a block, or None")
-        at = finite_vector(self.at, 3, f"at of {where}")
+        set_field(self, "at", vector(self.at, f"at of {where}"))
         direction = finite_vector(self.direction, 3, f"direction of {where}")
         size = float(np.linalg.norm(direction))
         if not size > 0.0:
             raise InputError(f"direction of {where} must not be zero: say where it pushes")
-        object.__setattr__(self, "at", tuple(at.tolist()))
         if abs(size - 1.0) > ROUNDING:  # else a file's reader would change the last digit
             direction = direction / size
-        object.__setattr__(self, "direction", tuple(direction.tolist()))
+        set_field(self, "direction", tuple(direction.tolist()))
         for name in ("most", "least"):
             value = getattr(self, name)
             if not (is_number(value) and (np.isfinite(value) or (name, value) == ("most", np.inf))):
                 raise InputError(f"{name} of {where} must be a number (a force), got {value!r}")
-            object.__setattr__(self, name, float(value))
+            set_field(self, name, float(value))
         if self.least > self.most:
             raise InputError(
                 f"least of {where} must not be above its most, got {self.least:g} and "
@@ -130,10 +130,8 @@ class Tie:
         for name in ("a", "b"):
             of_type(getattr(self, name), str, f"{name} of {where} must be the id of a block")
         for name in ("start", "end"):
-            point = finite_vector(getattr(self, name), 3, f"{name} of {where}")
-            object.__setattr__(self, name, tuple(point.tolist()))
-        force = positive(self.yield_force, f"yield_force of {where}")
-        object.__setattr__(self, "yield_force", force)
+            set_field(self, name, vector(getattr(self, name), f"{name} of {where}"))
+        set_field(self, "yield_force", positive(self.yield_force, f"yield_force of {where}"))
         if self.a == self.b:
             raise InputError(f"{where} joins a block to itself: name two blocks")
         if not self.length > 0.0:
