@@ -130,7 +130,7 @@ def test_plot_draws_every_line(tuff):
     if len({row.line for row in tuff.rows if row.method in tuff.front}) > 1:  # as times have it
         expected.add("Pareto front")
     assert expected == set(labels)
-    assert {text.get_text() for text in figure.axes[0].texts} == set(labels)  # beside the lines
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == set(labels)
     assert figure._repr_png_().startswith(b"\x89PNG")
     own = Figure()
     assert tuff.plot(own.add_subplot()) is own

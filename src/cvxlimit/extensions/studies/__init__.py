@@ -12,9 +12,9 @@ from cvxlimit.base.doors import Offered
 
 OFFERED: Offered = {
     "cvxlimit.commands": {
-        "sweep": "cvxlimit.extensions.studies.command:sweep_command",
-        "envelope": "cvxlimit.extensions.studies.crossing:envelope_command",
-        "domain": "cvxlimit.extensions.studies.domains.command:domain_command",
+        "sweep": "cvxlimit.extensions.studies.command:SweepCommand",
+        "envelope": "cvxlimit.extensions.studies.crossing:EnvelopeCommand",
+        "domain": "cvxlimit.extensions.studies.domains.command:DomainCommand",
     },
     "cvxlimit.documents": {"domain": "cvxlimit.extensions.studies.domains.document:DOMAIN"},
     "cvxlimit.proofs": {

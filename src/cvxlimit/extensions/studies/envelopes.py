@@ -183,7 +183,7 @@ class Envelope:
 
         ``options`` are those of all charts: ``size`` in inches, ``title``, ``ax``, ``legend``.
         """
-        chart = figures("chart").Chart.of(options, (6.4, 3.8))
+        chart = figures("sheet").Sheet.of((6.4, 3.8), **options)
         for way, colour in (("forward", Style.blue), ("back", Style.brown)):
             own = [c for c in self.crossings if c.is_forward is (way == "forward")]
             if own:
@@ -203,7 +203,6 @@ class Envelope:
         for each in (chart.axes.yaxis.set_major_formatter, chart.axes.yaxis.set_minor_formatter):
             each(needed("matplotlib.ticker", "plot", "charts").LogFormatter())
         chart.write(f"{self.scene_name}: a vehicle of {self.vehicle.force:g} {self.units.force}")
-        chart.write_legend()
         return chart.figure if file is None else saved(chart.figure, file, options)
 
 
