@@ -24,7 +24,6 @@ from cvxlimit.extensions.studies.store import (
     proofs_of,
     read_sweep,
 )
-from cvxlimit.extensions.studies.variations import varied
 from cvxlimit.io.fields import parsed, refusals
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
@@ -123,8 +122,9 @@ def _row(
     # Its scene is that of the result, which says the same, and is proved.
     try:
         solution = result_from_dict(parsed(str(text).encode()))
-        scenes, options = Rows(base).split(parameters)
-        scene = varied(base, **scenes) if isinstance(base, Scene) else base(**scenes)
+        study = Rows(base)
+        of_scene, options = study.split(parameters)
+        scene = study.family.scene(of_scene)
         if solution.scene_digest != scene_digest(scene):
             yield Check("scene", False, "what is held is of another scene than its parameters make")
             return

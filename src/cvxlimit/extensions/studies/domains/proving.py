@@ -26,7 +26,7 @@ from cvxlimit.io.scenes import scene_digest
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, proved, unseen, unseen_fields
 from cvxlimit.proving.derived import asked_checks, bound_checks, derived_checks, words_of_method
 from cvxlimit.proving.prove import Proof, Scenes, scene_of
-from cvxlimit.proving.solutions import as_solved, known_or_asked, solution_checks
+from cvxlimit.proving.solutions import known_or_asked, solution_checks
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import combined
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
@@ -102,7 +102,7 @@ class DomainAgain:
 
     def _supports(self) -> Iterator[Check]:
         structure, supports = self.structure, self.domain.supports
-        raws = [self._raw(s) for s in supports]
+        raws = [structure.said(s) for s in supports]
         if not structure.has_reference:
             known = [raw for raw in raws if raw is not None and not raw.is_ray]
             structure.refer_to([r for r in known if np.abs(r.factors).max() < 0.5 * WINDOW])
@@ -115,32 +115,6 @@ class DomainAgain:
                 yield from self._compared(i, s, again)
             if raw is not None:
                 yield from self._own(i, s, raw, again)
-
-    def _raw(self, s: Support) -> Raw | None:
-        """What a solver may have said, of which nothing is believed; None without forces, and where
-        they or rates are of other blocks."""
-        solution, run, units = s.solution, self.structure.run, self.structure.units
-        if solution is None or solution.forces is None or s.loaded is None:
-            return None
-        if solution.forces.shape != (len(run.contacts), 6):
-            return None
-        forces, rates = as_solved(solution, run)
-        is_lost = rates is None and solution.mechanism is not None
-        rates = s.rates if solution.mechanism is None else rates
-        if is_lost or (rates is not None and len(rates) != len(self.scene.free)):
-            return None
-        is_internal = self.structure.certifier.strength.is_internal
-        given = solution.internal if is_internal else forces
-        if forces is None or given is None:
-            return None
-        about = s.loaded / units
-        factors = about * (solution.load_factor or 0.0)
-        if s.ray is not None:  # as much of the load as they carry
-            load = self.structure.forces @ about
-            taken = self.structure.assemblage.statics.matrix @ forces.ravel()
-            factors = about * max(-float(taken @ load) / float(load @ load), 0.0)
-        return Raw(s.direction / units, factors, forces, given, rates, s.ray is not None,
-                   solution.history[-1], s.is_mirrored)  # fmt: skip
 
     def _without_forces(self, s: Support) -> Support:
         """What needs no forces: loads whose sum is none are a ray."""
