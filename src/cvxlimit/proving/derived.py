@@ -35,8 +35,8 @@ named as not looked at."""
 
 def bound_checks(said: Solution, found: Bracket, unit: float) -> Iterator[Check]:
     """Both bounds against those found; load factors near zero are compared by a ``unit``."""
-    for end, evidence, rounding in (
-        ("lower", "the forces show", rounded_down), ("upper", "the mechanism shows", rounded_up)
+    for end, evidence, shows, rounding in (
+        ("lower", "forces", "show", rounded_down), ("upper", "mechanism", "shows", rounded_up)
     ):  # fmt: skip
         value, at = getattr(said.bracket, end), getattr(found, end)
         is_proved, holds = (getattr(each, f"{end}_is_proved") for each in (said.bracket, found))
@@ -45,12 +45,14 @@ def bound_checks(said: Solution, found: Bracket, unit: float) -> Iterator[Check]
                 yield Check(f"{end} bound", False, f"{said.status} without it")
             continue
         is_near = abs(at - value) <= SLACK * max(abs(value), unit)
-        but = f"{evidence} {rounding(at, 9) if np.isfinite(at) else 'none'}"
+        but = f"no {evidence} {shows} it"
+        if np.isfinite(at):
+            but = f"the {evidence} {shows} {rounding(at, 9)}"
         but += rests_on_a_tree(said) if end == "upper" else ""
         if is_near:
             but = "only with an assumption on sizes, and none is stated"
         under = "" if is_proved else ", under the assumption of the note"
-        by = f"by {evidence.rsplit(' ', 1)[0]}{under}"
+        by = f"by the {evidence}{under}"
         claim = f"{end} bound {rounding(value, 9)}"
         yield proved(claim, is_near and (holds or not is_proved), but, by)
 
@@ -155,7 +157,8 @@ def _dilatancy(said: Solution, found: Dilatancy | None) -> Iterator[Check]:
         return
     if own is None:
         if found is not None and found.is_worth_a_word:
-            yield follows("no share of dilatancy", False, f"it is {found.share:.9g}")
+            but = f"forces and mechanism have {found.share:.9g}"
+            yield follows("no share of dilatancy", False, but)
         return
     size = f"{own.share:.3g}" if own.is_worth_a_word else f"below {SMALL:g}"
     claim, but, by, is_met = f"share of dilatancy {size}", "there is none", "", False
