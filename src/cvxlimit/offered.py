@@ -28,6 +28,9 @@ OFFERED: Offered = {
         "scene": "cvxlimit.io.scenes:SCENE",
         "result": "cvxlimit.io.results:RESULT",
     },
+    "cvxlimit.proofs": {
+        "cvxlimit-result": "cvxlimit.proving.solutions:prove_result",
+    },
     "cvxlimit.loads": {
         "earth_pressure": "cvxlimit.scene.surroundings:earth_pressure",
         "fill": "cvxlimit.scene.surroundings:fill",

@@ -3,9 +3,9 @@
 Its doors are ``cvxlimit.commands`` (``sweep``, ``domain``, ``envelope``), ``cvxlimit.readings`` and
 ``cvxlimit.proofs``; its public names are those of :mod:`cvxlimit.studies`. To read:
 ``variations.py``, what is varied; ``rows.py``, one row; ``patched.py``, rows that share a problem;
-``identity.py`` and ``store.py``, what is kept; ``sweeping.py``, the call; ``domains``, all load
-vectors that a structure carries; ``envelopes.py``, a vehicle at every position; ``command.py`` and
-``crossing.py``.
+``identity.py`` and ``store.py``, what is kept; ``sweeping.py``, the call, which hands the core's
+search (``base/search.py``) its queue; ``domains``, all load vectors that a structure carries;
+``envelopes.py``, a vehicle at every position; ``command.py`` and ``crossing.py``.
 """
 
 from cvxlimit.base.doors import Offered

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from cvxlimit.base.arrays import SMALL
 from cvxlimit.base.checks import count
-from cvxlimit.base.workers import processes
+from cvxlimit.base.search import processes
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import Command, named_values
 from cvxlimit.cli.report import ExitCode, counted, refuse, show
