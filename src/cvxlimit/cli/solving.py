@@ -99,13 +99,11 @@ class Files:
         for text in self.plot or ():
             kind, colon, name = text.partition(":")
             if not (colon and kind.isidentifier() and len(kind) > 1):  # C:wall.png is a file
-                found.append(("mechanism", Path(text)))
-                continue
-            if kind in PICTURES_OF:
-                found.append((kind, Path(name)))
-                continue
-            hint = meant(kind, PICTURES_OF, f"there are {', '.join(PICTURES_OF)}")
-            raise InputError(f"--plot {text}: there is no picture {kind!r}; {hint}")
+                kind, name = "mechanism", text
+            elif kind not in PICTURES_OF:
+                hint = meant(kind, PICTURES_OF, f"there are {', '.join(PICTURES_OF)}")
+                raise InputError(f"--plot {text}: there is no picture {kind!r}; {hint}")
+            found.append((kind, Path(name)))
         return found
 
     def without(self, scene: Scene, solution: Solution) -> Solution | None:

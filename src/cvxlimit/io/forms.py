@@ -100,12 +100,12 @@ def choice(words: Iterable[str]) -> Form:
     return plain(read, {"enum": [*kind]}, lambda value, _: str(value))
 
 
-def _truth(value: Any, where: str) -> bool:
-    """True for "yes", False for "no"."""
-    return choice(("yes", "no")).read(value, where, "") == "yes"
-
-
-FLAG = plain(_truth, {"enum": ["yes", "no"]}, lambda value, _: "yes" if value else "no")
+_ANSWER = choice(("yes", "no"))
+FLAG = plain(
+    lambda value, where: _ANSWER.read(value, where, "") == "yes",
+    _ANSWER.schema,
+    lambda value, _: "yes" if value else "no",
+)
 
 
 def nullable(form: Form, none: float | None = None) -> Form:
