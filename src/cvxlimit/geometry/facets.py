@@ -5,7 +5,7 @@ one plane is one contact, and a bridge of no width between two feet must not cha
 
 There are two groupings. :func:`facets` takes what lies within a tolerance of a plane as that plane:
 a warped, scanned or hammered face. :func:`planes` joins only what rounding keeps from one plane:
-the faces as they are, for joints whose two sides agree on a shape (:mod:`.shapes`).
+the faces as they are, for joints whose two sides agree on a shape (:mod:`.curved`).
 """
 
 from __future__ import annotations
