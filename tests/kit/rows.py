@@ -39,7 +39,7 @@ def assert_same_rows(problem: LimitProgram) -> None:
     """The rows of both sinks at the Parameters' present values."""
     theirs = by_cvxpy(problem.problem, problem._in_cvxpy[0].into.unknowns)
     # CVXPY's objective is in the user's units
-    assert_same(problem.program, replace(theirs, cost=theirs.cost / problem._gain))
+    assert_same(problem.program, replace(theirs, cost=theirs.cost / problem.gain))
 
 
 def assert_same(own: ConeProgram, theirs: ConeProgram) -> None:

@@ -78,7 +78,7 @@ def finite_vector(value: Any, length: int, what: str) -> NDArray[np.float64]:
 def not_negative(value: Any, what: str) -> float:
     if not is_number(value):
         is_symbol = type(value).__module__.startswith("cvxpy.")
-        cure = ": Parameters go into LimitProgram(scene, friction=...)" if is_symbol else ""
+        cure = ": Parameters go into LimitProblem(scene, friction=...)" if is_symbol else ""
         raise InputError(f"{what} must be a number, got {value!r}{cure}")
     if not 0.0 <= value <= sys.float_info.max:
         raise InputError(f"{what} must be finite and not negative, got {value!r:.40}")

@@ -364,12 +364,10 @@ class ConvexSearch:
         # limits of 1 come out to 1e-8
         enough = 0.5 if self.certifier.strength.is_cone else 1.0 - RESIDUAL
         with run.clock.phase("compile"):
-            problem = self.problem
-            # forces that carry some of it already, or loads that are not the scene's
-            if problem.reduction.given_forces is not None or self._given is not None:
-                whole = self.reductions.best()
-                problem = LimitProgram(self.reductions.assemblage, run.surfaces, reduction=whole)
-            problem = problem.dead_alone()
+            whole, reduction = self.reductions.assemblage, self.reductions.best()
+            problem = LimitProgram(
+                whole.alone(dead), run.surfaces, reduction=reduction, goal=LargestFactor(most=1.0)
+            )
         for state, certificate in self._shares(problem, what, run.formulation):
             forces = self.certifier.given(state)
             if forces is not None and state.load_factor and state.load_factor > enough:
