@@ -10,7 +10,7 @@ import pytest
 from cvxlimit import Tie, builtin_scene, explain, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
-from cvxlimit.methods.table import EXTRAS, TABLE
+from cvxlimit.methods.solving import EXTRAS, TABLE
 from cvxlimit.model.formulations import resultants
 from cvxlimit.reductions.choice import PACES
 from cvxlimit.surfaces import Rocking, TorsionShear

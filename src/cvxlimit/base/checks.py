@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.base.doors import Door
 from cvxlimit.errors import InputError, ModelError
 
 
@@ -46,6 +47,18 @@ def meant(
     alike = {each.lower(): each for each in sorted(known)}
     close = get_close_matches(str(name).lower(), alike, 1, likeness)
     return f"{before}did you mean {alike[close[0]]!r}?" if close else otherwise
+
+
+def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
+    """Refuses a ``value`` that is none of the ``allowed`` names, or of those behind a door."""
+    if isinstance(value, str) and value in allowed:
+        return
+    got = repr(value)
+    if isinstance(value, type):
+        got = f"the class {value.__name__}: write {value.__name__}()"
+    known = allowed.names if isinstance(allowed, Door) else [*allowed]
+    hint = meant(value, known, before="; ")
+    raise ModelError(f"{what} must be one of {', '.join(known)}, got {got}{hint}")
 
 
 def first_twice(names: Iterable[str]) -> str | None:

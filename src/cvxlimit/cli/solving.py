@@ -56,8 +56,7 @@ from cvxlimit.io.fields import encoded, one_line
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.settlement import settlement
-from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import TABLE
+from cvxlimit.methods.solving import TABLE, solve
 from cvxlimit.plotting import PICTURES as PICTURES_OF
 from cvxlimit.plotting import picture_of, plot, plot_scene, refused
 from cvxlimit.plotting.look import IMAGES

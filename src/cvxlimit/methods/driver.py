@@ -300,7 +300,7 @@ class Method(ABC):
     surfaces : tuple of str
         Kinds of surfaces that it goes with: ``"conic"``, ``"facets"``, ``"parabolic"``, ``"own"``.
     takes : tuple of str
-        What it takes besides dry contacts: keys of :data:`cvxlimit.methods.table.EXTRAS`.
+        What it takes besides dry contacts: keys of :data:`cvxlimit.methods.solving.EXTRAS`.
     reduces : bool
         Whether it takes less than all of the scene where that is enough.
     usual : float or None

@@ -13,7 +13,7 @@ import numpy as np
 from cvxlimit.base.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.convex_search import dead_load_falls
+from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.model.formulations import FORCES

@@ -12,8 +12,7 @@ from cvxpy.settings import INFEASIBLE, OPTIMAL, OPTIMAL_INACCURATE, SOLVER_ERROR
 
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.convex import Convex, ConvexSearch
 from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.methods.wedging import judged
 from cvxlimit.model.assemblage import Assemblage
@@ -91,7 +90,7 @@ class OneProblem(Convex):
         known_state = None if reserve is None else (reserve, certifier.witnesses.factor)
         bracket = proof.bracket(forces, factor, known_state, *about)
         if not np.isfinite(bracket.upper) and multipliers is not None:
-            search.solve_opening()
+            search.aside.opening_field()
             bracket = proof.bracket(forces, factor, known_state, *about)
         # the dead load alone may break the limits, or carry another load factor than theirs
         others = _inside(search.run, problem)

@@ -16,7 +16,7 @@ import numpy as np
 from cvxlimit.base.arrays import SMALL
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.table import TABLE
+from cvxlimit.methods.solving import TABLE
 from cvxlimit.model.statics import Scaling
 from cvxlimit.proof.checks import SLACK, Check, follows, is_alike, unseen, unseen_fields
 from cvxlimit.solution import Solution, Status

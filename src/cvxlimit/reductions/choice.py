@@ -17,8 +17,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
-from cvxlimit.base.checks import meant, ratio
-from cvxlimit.errors import ModelError
+from cvxlimit.base.checks import check_choice, ratio
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance, Reduction
 from cvxlimit.model.crushing import EffectiveRectangles
@@ -337,11 +336,7 @@ def explain(
     """
     check_scene(scene)
     ratio(tolerance, "tolerance")
-    if model not in MODELS:
-        raise ModelError(
-            f"model must be one of {', '.join(MODELS)}, got {model!r}"
-            + meant(model, MODELS, before="; ")
-        )
+    check_choice("model", model, MODELS)
     surfaces = needed_surfaces(surfaces_of(surface)[0])
     found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
     state = Certifier(found.assemblage, surfaces).witnesses.easy_dead_state
