@@ -61,7 +61,7 @@ from cvxlimit.plotting import PICTURES as PICTURES_OF
 from cvxlimit.plotting import picture_of, plot, plot_scene, refused
 from cvxlimit.plotting.look import IMAGES
 from cvxlimit.readings.named import MOMENTS
-from cvxlimit.reductions.choice import BUDGET, explain
+from cvxlimit.reductions.explaining import BUDGET, explain
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

@@ -103,8 +103,11 @@ class Aside:
     ) -> None:
         self.run, self.tolerance = run, tolerance
         self.surfaces = needed_surfaces(run.surfaces)
-        with run.clock.phase("compile"):
-            self.reductions = Reductions.of(run.assemblage, self.surfaces, run.formulation, model)
+        self.reductions = Reductions(run.assemblage, run.formulation)
+        if problem is None:
+            with run.clock.phase("compile"):
+                about = run.assemblage, self.surfaces, run.formulation
+                self.reductions = Reductions.of(*about, model)
         with run.clock.phase("certify"):
             self.certifier = Certifier(
                 self.reductions.assemblage, self.surfaces, run.formulation, width=tolerance

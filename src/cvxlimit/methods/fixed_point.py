@@ -116,6 +116,8 @@ class FixedPoint(Method):
         moments = run.moments = parse_moments(self.moments)
         cautions = ["the iteration gives no bounds on the collapse load"]
         cautions += [moments.caution] if moments.caution else []
+        if run.contacts.is_point.any():
+            cautions += ["method 'certified' takes the force of ties and reactions as a load only"]
         run.remarks = cautions
         with run.clock.phase("compile"):
             goal = LeastForces(self.regularisation) if self.regularisation else LARGEST_FACTOR

@@ -7,6 +7,7 @@ gives at its contact. Problems, flow rule and certificate follow from that.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
@@ -136,6 +137,16 @@ class ForceModel:
         for name in ("nonneg", "is_moment"):
             each = np.repeat([getattr(part, name) for part in self.parts], sizes)
             object.__setattr__(self, name, each)
+
+    def with_strengths_of(self, contacts: Contacts) -> ForceModel | None:
+        """The same forces of the same contacts with other strengths; None for other contacts."""
+        if self.contacts is contacts:
+            return self
+        if not self.contacts.is_in_place_of(contacts):
+            return None
+        result = copy(self)
+        object.__setattr__(result, "contacts", contacts)
+        return result
 
     @cached_property
     def resultant_map(self) -> sp.csr_array:
@@ -275,16 +286,16 @@ def model_of(
 
     Rectangles crush on their effective rectangle, other polygons under a plastic field on cells.
     Formulations with an attribute ``sees_to_strength`` state that themselves. ``corners`` are
-    corner compressions that are known already, perhaps of these contacts.
+    corner compressions that are known already, perhaps of contacts in the same places.
 
     Raises
     ------
     ModelError
         If that is no :class:`ForceModel`.
     """
-    is_plain = formulation is corner_compressions
-    is_known = is_plain and getattr(corners, "contacts", None) is contacts
-    model: Any = corners if is_known else formulation
+    model: Any = formulation
+    if formulation is corner_compressions and corners is not None:
+        model = corners.with_strengths_of(contacts) or formulation
     model = model(contacts) if callable(model) else model
     if not isinstance(model, ForceModel):
         raise ModelError(
