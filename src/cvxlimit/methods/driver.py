@@ -1,7 +1,11 @@
 """One driver for all methods: clock, history, solver ladder, progress, interruption, packing.
 
-A method is a :class:`Method`: settings in a frozen dataclass, and one generator. Everything that is
-alike in all of them happens here, once.
+A method is a :class:`Method`: settings in a frozen dataclass, and one generator, which solves
+problem after problem. What is alike in all of them happens here, once:
+
+1. :class:`Run`: the scene's contacts and mechanics, and the record of solves and the best answer;
+2. :func:`drive`: the generator, to its end or to an interruption;
+3. :func:`packed`: the best answer as a solution, with a note on what it rests on.
 """
 
 from __future__ import annotations

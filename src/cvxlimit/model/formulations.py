@@ -1,7 +1,9 @@
 """Which internal forces describe a contact: corner compressions, or the six resultants.
 
-A formulation is a function of contacts that names vectors of internal forces and says what each
-gives at its contact. Problems, flow rule and certificate follow from that.
+Contact forces x (n, 6) are a linear map of internal forces s (p,), x = R s, some of which are not
+negative. A formulation is a function of contacts that names vectors of internal forces
+(:class:`Part`) and says what each gives at its contact; together they are a :class:`ForceModel`,
+which makes R, the conditions to be written on s, and s as unknowns of a problem.
 """
 
 from __future__ import annotations
@@ -137,16 +139,6 @@ class ForceModel:
         for name in ("nonneg", "is_moment"):
             each = np.repeat([getattr(part, name) for part in self.parts], sizes)
             object.__setattr__(self, name, each)
-
-    def with_strengths_of(self, contacts: Contacts) -> ForceModel | None:
-        """The same forces of the same contacts with other strengths; None for other contacts."""
-        if self.contacts is contacts:
-            return self
-        if not self.contacts.is_in_place_of(contacts):
-            return None
-        result = copy(self)
-        object.__setattr__(result, "contacts", contacts)
-        return result
 
     @cached_property
     def resultant_map(self) -> sp.csr_array:
@@ -294,9 +286,12 @@ def model_of(
         If that is no :class:`ForceModel`.
     """
     model: Any = formulation
-    if formulation is corner_compressions and corners is not None:
-        model = corners.with_strengths_of(contacts) or formulation
-    model = model(contacts) if callable(model) else model
+    is_plain = formulation is corner_compressions
+    if is_plain and corners is not None and corners.contacts.is_in_place_of(contacts):
+        model = copy(corners)
+        object.__setattr__(model, "contacts", contacts)  # whose strengths may be others
+    elif callable(formulation):
+        model = formulation(contacts)
     if not isinstance(model, ForceModel):
         raise ModelError(
             "formulation must be a function from contacts to a ForceModel, like "
