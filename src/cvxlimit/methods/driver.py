@@ -44,7 +44,6 @@ Progress = Callable[[str], None]
 Solver = Callable[[SolverSettings], LimitState]
 """One run of one solver on a problem: ``LimitProgram(scene).run``, for example."""
 
-
 BOUNDLESS = 1e6
 """Load factor, over dead load / live load of the loaded blocks, beyond which one asks whether the
 live load does any harm: no loads are meant to be so large."""

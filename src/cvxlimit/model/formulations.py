@@ -74,11 +74,8 @@ class Part:
     @property
     def is_moment(self) -> bool:
         """True for a part that gives moments only; a part that gives nothing counts as a force."""
-        return (
-            bool(self.components)
-            and self.components.keys().isdisjoint(FORCES)
-            and not self.is_force
-        )
+        has_forces = not self.components.keys().isdisjoint(FORCES)
+        return bool(self.components) and not has_forces and not self.is_force
 
 
 @dataclass(frozen=True, eq=False)
