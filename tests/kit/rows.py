@@ -72,5 +72,5 @@ def sorted_rows(program: ConeProgram) -> list[sp.csr_array]:
 def at_random(problem: LimitProgram, seed: int = 0) -> None:
     """Random values for the problem's Parameters, all positive."""
     random = np.random.default_rng(seed)
-    for parameter in problem._in_rows[1].theta.parameters():
+    for parameter in problem.problem.parameters():
         parameter.value = random.uniform(0.1, 0.9, parameter.shape)

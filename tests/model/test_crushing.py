@@ -216,7 +216,7 @@ class TestTogether:
 
     def test_not_with_interaction(self) -> None:
         scene, _ = pushed(1.0, 1.0, 2.0, 2.0)
-        with pytest.raises(ModelError, match="knows no compressive_strength"):
+        with pytest.raises(ModelError, match="knows no strength of stone"):
             solve(scene, method="certified")
 
 

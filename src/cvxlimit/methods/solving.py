@@ -56,8 +56,9 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
         ),
         "strength": (
             lambda run: run.mortar or np.isfinite(run.contacts.compressive_strength).any(),
-            "knows no compressive_strength, no tensile_strength and no least reactions: leave the "
-            "strengths out of the scene, and give the least force of a reaction as a point load",
+            "knows no strength of stone or mortar and no reactions that push at least so much: "
+            "leave compressive_strength and tensile_strength out of the scene, and give the least "
+            "of a reaction as a point load",
         ),
     }
 )
