@@ -61,6 +61,13 @@ def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
     raise ModelError(f"{what} must be one of {', '.join(known)}, got {got}{hint}")
 
 
+def check_known(name: object, known: Collection[str], what: str) -> None:
+    """Refuses a name that is not known; ``what`` begins the sentence: "there is no table"."""
+    if name not in known:
+        like = meant(name, known, before="; ")
+        raise InputError(f"{what} {name!r}: choose one of {', '.join(known)}{like}")
+
+
 def first_twice(names: Iterable[str]) -> str | None:
     seen = set[str]()
     for name in names:
