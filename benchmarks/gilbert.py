@@ -20,7 +20,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.extensions.dilatancy.pair import ETA, FINE, WEIGHT, Reduced, ladder
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex_search import standing
+from cvxlimit.methods.convex import standing
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded

@@ -48,7 +48,7 @@ from .methods.solving import solve as solve
 from .problem.problem import LimitProblem as LimitProblem
 from .proof.certificate import Certifier as Certifier
 from .proving.prove import prove as prove
-from .reductions.choice import explain as explain
+from .reductions.explaining import explain as explain
 from .scene import Scene as Scene
 from .scene import Units as Units
 from .scene import loads as loads

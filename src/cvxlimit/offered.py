@@ -42,7 +42,7 @@ OFFERED: Offered = {
         "scene_html": "cvxlimit.plotting.notebook:scene_html",
         "scene_figure": "cvxlimit.plotting:scene_figure",
         "scene_file": "cvxlimit.plotting:plot_scene",
-        "scene_explain": "cvxlimit.reductions.choice:explain",
+        "scene_explain": "cvxlimit.reductions.explaining:explain",
         "solution_html": "cvxlimit.plotting.notebook:solution_html",
         "solution_plot": "cvxlimit.plotting:picture_of",
         "solution_table": "cvxlimit.results.tables:table_of",

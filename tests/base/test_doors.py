@@ -16,7 +16,7 @@ from cvxlimit.cli.main import COMMANDS, app, run
 from cvxlimit.errors import ModelError
 from cvxlimit.io import export
 from cvxlimit.io.exporting import EXPORTS
-from cvxlimit.methods.table import TABLE
+from cvxlimit.methods.solving import TABLE
 from cvxlimit.plotting import PICTURES
 from cvxlimit.surfaces import Facets, Rocking, TorsionShear
 from cvxlimit.surfaces.coulomb import SURFACES

@@ -36,7 +36,7 @@ from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
 from cvxlimit.io import read_result, read_scene, write_scene
 from cvxlimit.masonry import BUILTIN, Arch, bridge
-from cvxlimit.methods.table import TABLE
+from cvxlimit.methods.solving import TABLE
 from cvxlimit.plotting import PICTURES
 from cvxlimit.readings.named import MOMENTS
 from cvxlimit.solution.bracket import Bracket

@@ -39,7 +39,7 @@ def assert_same_rows(problem: LimitProgram) -> None:
     """The rows of both sinks at the Parameters' present values."""
     theirs = by_cvxpy(problem.problem, problem._in_cvxpy[0].into.unknowns)
     # CVXPY's objective is in the user's units
-    assert_same(problem.program, replace(theirs, cost=theirs.cost / problem._gain))
+    assert_same(problem.program, replace(theirs, cost=theirs.cost / problem.gain))
 
 
 def assert_same(own: ConeProgram, theirs: ConeProgram) -> None:
@@ -72,5 +72,5 @@ def sorted_rows(program: ConeProgram) -> list[sp.csr_array]:
 def at_random(problem: LimitProgram, seed: int = 0) -> None:
     """Random values for the problem's Parameters, all positive."""
     random = np.random.default_rng(seed)
-    for parameter in problem._in_rows[1].theta.parameters():
+    for parameter in problem.problem.parameters():
         parameter.value = random.uniform(0.1, 0.9, parameter.shape)

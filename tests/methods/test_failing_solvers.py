@@ -14,7 +14,7 @@ from cvxlimit.cli.main import run as command
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.table import TABLE
+from cvxlimit.methods.solving import TABLE
 from cvxlimit.solvers import Outcome, SolverSettings
 
 NOWHERE = "failed: no way"

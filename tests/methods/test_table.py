@@ -10,9 +10,9 @@ import pytest
 from cvxlimit import Tie, builtin_scene, explain, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
-from cvxlimit.methods.table import EXTRAS, TABLE
+from cvxlimit.methods.solving import EXTRAS, TABLE
 from cvxlimit.model.formulations import resultants
-from cvxlimit.reductions.choice import PACES
+from cvxlimit.reductions.explaining import PACES
 from cvxlimit.surfaces import Rocking, TorsionShear
 
 CHOOSING = Path(__file__).parents[2] / "docs" / "choosing.md"

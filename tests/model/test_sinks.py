@@ -245,19 +245,6 @@ def test_a_parameter_without_a_value_is_named() -> None:
         problem.run(settings_for("CLARABEL"))
 
 
-@pytest.mark.parametrize("name", ["arch", "tuff-wall", "dome", "s10-panel"])
-@pytest.mark.parametrize("model", ["full", "least"])
-def test_dead_load_alone(name: str, model: str) -> None:
-    """Another load on the same rows is the problem written anew."""
-    problem = problem_of(builtin_scene(name), "conic", model=model)
-    alone = problem.dead_alone()
-    anew = LimitProgram(
-        alone.assemblage, problem.surfaces, reduction=problem.reduction, goal=alone.goal
-    )
-    assert abs(alone.program.matrix - anew.program.matrix).max() <= 1e-15
-    assert np.array_equal(alone.program.right, anew.program.right)
-
-
 @pytest.mark.parametrize("solver", ["CLARABEL", "SCS"])
 def test_solvers_that_want_more_than_matrices_get_the_same(solver: str) -> None:
     problem = problem_of(builtin_scene("arch"))

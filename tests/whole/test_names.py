@@ -10,7 +10,7 @@ from typing import get_args
 
 import pytest
 
-from cvxlimit.methods.table import TABLE, MethodName
+from cvxlimit.methods.solving import TABLE, MethodName
 from cvxlimit.readings.named import MOMENTS, MomentsName
 from cvxlimit.surfaces.coulomb import SURFACES, SurfaceName, surfaces_of
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cvxlimit.base.doors import Door
 from cvxlimit.errors import InputError, ModelError
 
 
@@ -46,6 +47,18 @@ def meant(
     alike = {each.lower(): each for each in sorted(known)}
     close = get_close_matches(str(name).lower(), alike, 1, likeness)
     return f"{before}did you mean {alike[close[0]]!r}?" if close else otherwise
+
+
+def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
+    """Refuses a ``value`` that is none of the ``allowed`` names, or of those behind a door."""
+    if isinstance(value, str) and value in allowed:
+        return
+    got = repr(value)
+    if isinstance(value, type):
+        got = f"the class {value.__name__}: write {value.__name__}()"
+    known = allowed.names if isinstance(allowed, Door) else [*allowed]
+    hint = meant(value, known, before="; ")
+    raise ModelError(f"{what} must be one of {', '.join(known)}, got {got}{hint}")
 
 
 def check_known(name: object, known: Collection[str], what: str) -> None:
@@ -85,7 +98,7 @@ def finite_vector(value: Any, length: int, what: str) -> NDArray[np.float64]:
 def not_negative(value: Any, what: str) -> float:
     if not is_number(value):
         is_symbol = type(value).__module__.startswith("cvxpy.")
-        cure = ": Parameters go into LimitProgram(scene, friction=...)" if is_symbol else ""
+        cure = ": Parameters go into LimitProblem(scene, friction=...)" if is_symbol else ""
         raise InputError(f"{what} must be a number, got {value!r}{cure}")
     if not 0.0 <= value <= sys.float_info.max:
         raise InputError(f"{what} must be finite and not negative, got {value!r:.40}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from cvxlimit.base.checks import check_choice
 from cvxlimit.base.versions import __version__
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import Command, either
@@ -13,7 +14,6 @@ from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, scene_f
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.io.exporting import EXPORTS, export
 from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import check_choice
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.reductions.choice import ModelName, Reductions

@@ -23,9 +23,9 @@ from cvxlimit.cli.report import (
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import one_line
-from cvxlimit.methods.table import TABLE
+from cvxlimit.methods.solving import TABLE
 from cvxlimit.plotting import plot_scene, refused
-from cvxlimit.reductions.choice import explain
+from cvxlimit.reductions.explaining import explain
 from cvxlimit.scene import Scene
 
 

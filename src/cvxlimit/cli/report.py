@@ -22,7 +22,7 @@ from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.fields import one_line
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.reductions.choice import duration, expected_seconds
+from cvxlimit.reductions.explaining import duration, expected_seconds
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
 from cvxlimit.solution.bracket import Bracket

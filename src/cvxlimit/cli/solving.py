@@ -39,13 +39,12 @@ from cvxlimit.io.fields import encoded
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.methods.settlement import settlement
-from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import TABLE
+from cvxlimit.methods.solving import TABLE, solve
 from cvxlimit.plotting import PICTURES as PICTURES_OF
 from cvxlimit.plotting import picture_of, plot
 from cvxlimit.plotting.look import IMAGES
 from cvxlimit.readings.named import MOMENTS
-from cvxlimit.reductions.choice import BUDGET
+from cvxlimit.reductions.explaining import BUDGET
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 

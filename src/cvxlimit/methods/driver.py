@@ -1,7 +1,11 @@
 """One driver for all methods: clock, history, solver ladder, progress, interruption, packing.
 
-A method is a :class:`Method`: settings in a frozen dataclass, and one generator. Everything that is
-alike in all of them happens here, once.
+A method is a :class:`Method`: settings in a frozen dataclass, and one generator, which solves
+problem after problem. What is alike in all of them happens here, once:
+
+1. :class:`Run`: the scene's contacts and mechanics, and the record of solves and the best answer;
+2. :func:`drive`: the generator, to its end or to an interruption;
+3. :func:`packed`: the best answer as a solution, with a note on what it rests on.
 """
 
 from __future__ import annotations
@@ -39,7 +43,6 @@ from cvxlimit.surfaces.coulomb import refuse_lost_cohesion, surfaces_of, words_o
 Progress = Callable[[str], None]
 Solver = Callable[[SolverSettings], LimitState]
 """One run of one solver on a problem: ``LimitProgram(scene).run``, for example."""
-
 
 BOUNDLESS = 1e6
 """Load factor, over dead load / live load of the loaded blocks, beyond which one asks whether the
@@ -300,7 +303,7 @@ class Method(ABC):
     surfaces : tuple of str
         Kinds of surfaces that it goes with: ``"conic"``, ``"facets"``, ``"parabolic"``, ``"own"``.
     takes : tuple of str
-        What it takes besides dry contacts: keys of :data:`cvxlimit.methods.table.EXTRAS`.
+        What it takes besides dry contacts: keys of :data:`cvxlimit.methods.solving.EXTRAS`.
     reduces : bool
         Whether it takes less than all of the scene where that is enough.
     usual : float or None
@@ -356,33 +359,12 @@ def drive(method: Method, run: Run) -> Solution:
 
 def packed(method: Method, run: Run, status: Status) -> Solution:
     """The run's best answer as a solution; its note reports bounds that contradict each other."""
-    # What is claimed. Where no load factor exists, there is at most one below which nothing slides
-    # without dilatancy.
-    best, has_answer = run.best, status.has_answer
-    if not has_answer:
-        safe = 0.0 if best.dilatancy is None else best.dilatancy.safe
-        bracket = Bracket().raised(safe, True) if safe > 0.0 else Bracket()
-        best = replace(best, load_factor=None, bracket=bracket, reference=None)
-    # Forces of the scene as it was given: mortar's tension may have become a load in the other.
-    if run.mortar is not None:
-        best = best.with_forces(run.mortar.original)
-    # How it ended: bounds overrule what the method says, and so do solvers that all failed. One has
-    # said something if it returned values or claims that there is no optimum.
-    is_empty = best.load_factor is None and not best.bracket.has_any
-    if best.bracket.contradicts:
-        status = Status.NOT_CERTIFIED
-        fails = "the bounds contradict each other, so an assumption behind them fails"
-        run.remarks.insert(0, fails)
-    elif has_answer and is_empty and run.attempts:
-        ends = [end.has_values or end.claims_no_optimum for _, end in run.attempts]
-        status = status if any(ends) else Status.SOLVER_FAILED
-    # Which question that answers: surface, flow rule, interaction, one of which the method names.
+    best, status = _claimed(run, status)
+    # which question that answers: surface, flow rule, interaction, one of which the method names
     question: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
         question[method.axis] = method.name
-    if best.load_factor is not None:
-        best = replace(best, load_factor=best.bracket.clipped(best.load_factor))
-    is_no_answer = has_answer and not (status.is_good or best.bracket.has_any)
+    is_no_answer = status.has_answer and not (status.is_good or best.bracket.has_any)
     is_unasked = method.axis == "flow" or is_no_answer
     dilatancy = None if is_unasked else best.dilatancy_in(run.assemblage)
     return Solution(
@@ -412,6 +394,31 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         surfaces=run.surfaces,
         tolerance=getattr(method, "tolerance", None),
     )
+
+
+def _claimed(run: Run, status: Status) -> tuple[Answer, Status]:
+    """What is claimed of the best answer, and how the run ended: bounds overrule what the method
+    says, and so do solvers that all failed."""
+    # where no load factor exists, there is at most one below which nothing slides without dilatancy
+    best, has_answer = run.best, status.has_answer
+    if not has_answer:
+        safe = 0.0 if best.dilatancy is None else best.dilatancy.safe
+        bracket = Bracket().raised(safe, True) if safe > 0.0 else Bracket()
+        best = replace(best, load_factor=None, bracket=bracket, reference=None)
+    # forces of the scene as it was given: mortar's tension may have become a load in the other
+    if run.mortar is not None:
+        best = best.with_forces(run.mortar.original)
+    if best.bracket.contradicts:
+        status = Status.NOT_CERTIFIED
+        fails = "the bounds contradict each other, so an assumption behind them fails"
+        run.remarks.insert(0, fails)
+    elif has_answer and best.load_factor is None and not best.bracket.has_any and run.attempts:
+        # a solver has said something if it returned values or claims that there is no optimum
+        ends = [end.has_values or end.claims_no_optimum for _, end in run.attempts]
+        status = status if any(ends) else Status.SOLVER_FAILED
+    if best.load_factor is not None:
+        best = replace(best, load_factor=best.bracket.clipped(best.load_factor))
+    return best, status
 
 
 def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None) -> str:

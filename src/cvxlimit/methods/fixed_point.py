@@ -13,7 +13,7 @@ import numpy as np
 from cvxlimit.base.checks import count, is_number, not_negative, ratio
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.convex_search import dead_load_falls
+from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.frozen import FrozenProblem
 from cvxlimit.model.formulations import FORCES
@@ -116,6 +116,8 @@ class FixedPoint(Method):
         moments = run.moments = parse_moments(self.moments)
         cautions = ["the iteration gives no bounds on the collapse load"]
         cautions += [moments.caution] if moments.caution else []
+        if run.contacts.is_point.any():
+            cautions += ["method 'certified' takes the force of ties and reactions as a load only"]
         run.remarks = cautions
         with run.clock.phase("compile"):
             goal = LeastForces(self.regularisation) if self.regularisation else LARGEST_FACTOR

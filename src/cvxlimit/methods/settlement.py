@@ -22,10 +22,9 @@ from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import EPSILON, FloatArray
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.convex import Convex, ConvexSearch
 from cvxlimit.methods.driver import Progress, Run, drive, packed
-from cvxlimit.methods.table import check
+from cvxlimit.methods.solving import check
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene, check_scene

@@ -1,14 +1,25 @@
-"""The front door: one call from a scene to a certified solution."""
+"""The front door: one call from a scene to a certified solution.
+
+Three steps: which method the call means, and whether it goes with the surface and the settings
+(:func:`chosen`); whether it takes what the scene has (:func:`check`); and the method itself
+(:func:`~cvxlimit.methods.driver.drive`). What goes with what stands in two tables, :data:`TABLE`
+of methods and :data:`EXTRAS`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias
 
+import numpy as np
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
+from cvxlimit.base.checks import check_choice, ratio
+from cvxlimit.base.doors import Door
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.driver import Method, Progress, Run, drive
-from cvxlimit.methods.table import MethodName, check, check_choice, chosen
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.readings.moments import INDEPENDENT, Moments
@@ -18,7 +29,43 @@ from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solvers import SolverSettings, asked_ladder
 from cvxlimit.surfaces import Cone, YieldSurface
-from cvxlimit.surfaces.coulomb import SurfaceName
+from cvxlimit.surfaces.cones import parse_cone
+from cvxlimit.surfaces.coulomb import PARABOLIC, SURFACES, SurfaceName
+
+MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy"]
+"""Names for type checkers: those of :data:`TABLE`."""
+
+Surface: TypeAlias = "str | Cone | Sequence[YieldSurface]"
+
+
+EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
+    {
+        "formulation": (
+            lambda run: run.formulation is not corner_compressions,
+            "brings its own formulation: leave formulation out",
+        ),
+        "reactions": (
+            lambda run: run.contacts.is_point.any(),
+            "knows no ties and no reactions, whose bounds its proof would have to scale: leave "
+            "them out, give their force as a point load, or take method 'fixed-point', which has "
+            "no bracket",
+        ),
+        "cohesion": (
+            lambda run: np.any(run.given.contacts.cohesion),
+            "has no cohesion: take it out of the scene",
+        ),
+        "strength": (
+            lambda run: run.mortar or np.isfinite(run.contacts.compressive_strength).any(),
+            "knows no strength of stone or mortar and no reactions that push at least so much: "
+            "leave compressive_strength and tensile_strength out of the scene, and give the least "
+            "of a reaction as a point load",
+        ),
+    }
+)
+"""What not every method takes: how it is seen, and what is said where it is not taken."""
+
+TABLE: Mapping[str, type[Method]] = Door("cvxlimit.methods")
+"""All methods by name."""
 
 
 def solve(
@@ -56,7 +103,7 @@ def solve(
         ``solution.members``, without a bracket.
         With settings of your own: :class:`Certified`, :class:`FixedPoint`,
         :class:`ZeroDilatancy`...; or a loop of your own, as a :class:`Method`. What goes with
-        what: :data:`cvxlimit.methods.table.TABLE`.
+        what: :data:`cvxlimit.methods.solving.TABLE`.
     moments : {"independent", "signed", "signed-torsion-bending", "paper"} or Moments
         How Eq. 30 adds moments, for the two methods with interaction: every sign on its own, the
         safe reading (default); static torsion about the pressure centre, without or with Eq. 27
@@ -112,8 +159,59 @@ def solve(
     asked = chosen(surface, method, settings)
     solvers = asked_ladder(solver, ladder)
     run = Run(scene, surface, INDEPENDENT, formulation, solvers, progress, model, verbose)
-    if True:
-        if model == "least" and not asked.reduces:
-            raise ModelError(f"model 'least' does nothing for method {asked.name!r}: leave it out")
-        check(f"method {asked.name!r}", run, asked.takes)
+    if model == "least" and not asked.reduces:
+        raise ModelError(f"model 'least' does nothing for method {asked.name!r}: leave it out")
+    check(f"method {asked.name!r}", run, asked.takes)
     return drive(asked, run)
+
+
+def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str, Any]) -> Method:
+    """The method that a call means, with the settings that are not None; refuses a surface, or a
+    setting, that does not go with it."""
+    asked = "convex" if method is None else method
+    if isinstance(asked, str) or not isinstance(asked, Method):
+        check_choice("method", asked, TABLE)
+        asked = TABLE[asked]()
+    kind = "own"
+    if str(surface) in ("conic", PARABOLIC):
+        kind = str(surface)
+    elif isinstance(surface, Cone) or (
+        isinstance(surface, str) and (_is_cone(surface) or surface not in SURFACES)
+    ):
+        kind = "facets"
+    if kind not in asked.surfaces:
+        takes = [name for name, method in TABLE.items() if kind in method.surfaces]
+        raise ModelError(
+            f"method {asked.name!r} goes with surface {' or '.join(asked.surfaces)}, got "
+            f"{_called(surface)}: that goes with method {' or '.join(map(repr, takes))}"
+        )
+    own_settings = {name: value for name, value in settings.items() if value is not None}
+    for name, value in own_settings.items():
+        if not hasattr(asked, name):
+            has = [other for other, method in TABLE.items() if hasattr(method, name)]
+            raise ModelError(
+                f"{name} does nothing for method {asked.name!r}, got {value!r}: leave it out, or "
+                f"take method {' or '.join(map(repr, has))}"
+            )
+    if "tolerance" in own_settings:
+        ratio(own_settings["tolerance"], "tolerance")
+    return replace(asked, **own_settings) if own_settings else asked
+
+
+def check(what: str, run: Run, takes: Collection[str]) -> None:
+    """Refuse a run with one of :data:`EXTRAS` that ``what`` does not take."""
+    for extra, (is_there, refusal) in EXTRAS.items():
+        if extra not in takes and is_there(run):
+            raise ModelError(f"{what} {refusal}")
+
+
+def _is_cone(name: str) -> bool:
+    """Whether a surface's name is that of a cone, so that nobody else need be asked for it."""
+    try:
+        return bool(parse_cone(name))
+    except ModelError:
+        return False
+
+
+def _called(surface: Surface) -> str:
+    return repr(str(surface)) if isinstance(surface, (str, Cone)) else "a list of surfaces"

@@ -21,7 +21,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.doors import Door
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.aside import Aside
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
@@ -89,15 +89,14 @@ def carried_without_friction(run: Run, start: float) -> FloatArray | None:
         return None
     contacts, statics = run.contacts, run.assemblage.statics
     smooth = replace(contacts, friction=np.zeros(len(contacts)))
-    aside = run.auxiliary_run(with_contacts_of(run.assemblage, smooth))
-    search = ConvexSearch(aside, run.model)
+    aside = Aside(run.auxiliary_run(with_contacts_of(run.assemblage, smooth)), run.model)
     # parts without live load carry their dead load by themselves, however they do it
     is_loaded = np.repeat(loaded_blocks(statics), DOF)
     at_start = np.where(is_loaded, statics.dead + start * statics.live, 0.0)
     is_empty = not at_start.any()
-    if not is_empty and search.carrying(at_start, search.surfaces, run.formulation) is None:
+    if not is_empty and aside.carrying(at_start, aside.surfaces, run.formulation) is None:
         return None
-    return search.carrying(statics.live, *search.certifier.strength.recession())
+    return aside.carrying(statics.live, *aside.certifier.strength.recession())
 
 
 def with_contacts_of(assemblage: Assemblage, contacts: Contacts) -> Assemblage:

@@ -1,4 +1,9 @@
-"""The mechanics of one scene, computed once: equilibrium, its scaling, its factorisation."""
+"""The mechanics of one scene, computed once: equilibrium, its scaling, its factorisation.
+
+With B the equilibrium matrix of internal forces s and W their weights, the least change of s that
+takes up a residual r of equilibrium is -W B' (B W B')^-1 r. One sparse factorisation of B W B'
+serves all states and loads of a geometry (:class:`Balance`).
+"""
 
 from __future__ import annotations
 

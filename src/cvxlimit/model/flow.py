@@ -44,7 +44,7 @@ from scipy.sparse.linalg import splu
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.crushing import EffectiveRectangles
-from cvxlimit.model.formulations import ForceModel, corner_compressions, express
+from cvxlimit.model.formulations import ForceModel, corner_compressions, express, is_weak
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.solvers import run, settings_for
 from cvxlimit.surfaces.base import CONSTANT, LinearForm, YieldSurface, number
@@ -201,7 +201,8 @@ class FlowRule(StrengthRows):
         self._bounded = np.flatnonzero(np.isfinite(most))
         self._most = most[self._bounded]
         # So do rectangles that crush, where no conditions of the model's own say so.
-        self._crushing = None if own.conditions else EffectiveRectangles.of(own.contacts)
+        crushes = not own.conditions and is_weak(own.contacts).any()
+        self._crushing = EffectiveRectangles.of(own.contacts) if crushes else None
         # Norm rows of conditions whose resistance grows with forces of any sign are coupled. Their
         # multipliers change rates that must agree exactly, so their flows are left as proposed and
         # the others make up for them.

@@ -1,12 +1,15 @@
 """Which internal forces describe a contact: corner compressions, or the six resultants.
 
-A formulation is a function of contacts that names vectors of internal forces and says what each
-gives at its contact. Problems, flow rule and certificate follow from that.
+Contact forces x (n, 6) are a linear map of internal forces s (p,), x = R s, some of which are not
+negative. A formulation is a function of contacts that names vectors of internal forces
+(:class:`Part`) and says what each gives at its contact; together they are a :class:`ForceModel`,
+which makes R, the conditions to be written on s, and s as unknowns of a problem.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
@@ -71,11 +74,8 @@ class Part:
     @property
     def is_moment(self) -> bool:
         """True for a part that gives moments only; a part that gives nothing counts as a force."""
-        return (
-            bool(self.components)
-            and self.components.keys().isdisjoint(FORCES)
-            and not self.is_force
-        )
+        has_forces = not self.components.keys().isdisjoint(FORCES)
+        return bool(self.components) and not has_forces and not self.is_force
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,17 +275,20 @@ def model_of(
 
     Rectangles crush on their effective rectangle, other polygons under a plastic field on cells.
     Formulations with an attribute ``sees_to_strength`` state that themselves. ``corners`` are
-    corner compressions that are known already, perhaps of these contacts.
+    corner compressions that are known already, perhaps of contacts in the same places.
 
     Raises
     ------
     ModelError
         If that is no :class:`ForceModel`.
     """
+    model: Any = formulation
     is_plain = formulation is corner_compressions
-    is_known = is_plain and getattr(corners, "contacts", None) is contacts
-    model: Any = corners if is_known else formulation
-    model = model(contacts) if callable(model) else model
+    if is_plain and corners is not None and corners.contacts.is_in_place_of(contacts):
+        model = copy(corners)
+        object.__setattr__(model, "contacts", contacts)  # whose strengths may be others
+    elif callable(formulation):
+        model = formulation(contacts)
     if not isinstance(model, ForceModel):
         raise ModelError(
             "formulation must be a function from contacts to a ForceModel, like "

@@ -1,10 +1,16 @@
 """Where a problem is stated: as CVXPY constraints, or as the rows of a cone program.
 
 Surfaces, formulations and methods state a problem once, to a *sink*
-(:class:`~cvxlimit.surfaces.cones.Sink`), in forms: affine expressions of its unknowns. In
-:class:`Constraints` forms are CVXPY expressions. In :class:`Rows` they are entries
-``value * theta[slot]``, theta being 1 and the values of coefficients that are CVXPY expressions of
-Parameters: once the rows stand, other values of the Parameters cost one sum over entries.
+(:class:`~cvxlimit.surfaces.cones.Sink`), in forms: affine expressions of its unknowns x. In
+:class:`Constraints` forms are CVXPY expressions. In :class:`Rows` they are :class:`Form`, sums of
+entries
+
+    value * theta[slot] * x[column]   in a row,   and a constant per row,
+
+where theta is 1 and the values of coefficients that are CVXPY expressions of Parameters
+(:class:`Theta`). Rows become the numbers A, b and c of a cone program, min c . x subject to
+b - A x in K, in two steps: :meth:`Rows.written` finds once where each entry belongs among them, and
+:meth:`Written.at` sums the entries at a theta. So other values of the Parameters cost one sum.
 """
 
 from __future__ import annotations
@@ -12,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, chain
-from typing import Any, Protocol
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -67,39 +73,31 @@ class Constraints:
         return [constraint for named in self.named.values() for constraint in named]
 
 
-class Source(Protocol):
-    """Numbers that theta takes in: a CVXPY expression of Parameters, or what stands for one."""
-
-    @property
-    def size(self) -> int: ...
-
-    @property
-    def value(self) -> Any: ...
-
-    def parameters(self) -> list[cp.Parameter]: ...
-
-
 class Theta:
-    """1, and the values of coefficients: slots of an expression that came before are the same."""
+    """1, and the values of coefficients: slots of an expression that came before are the same.
+
+    A source of values is a CVXPY expression of Parameters, or anything with its ``size``, ``value``
+    and ``parameters()``.
+    """
 
     def __init__(self) -> None:
         self.size = 1
-        self._sources: dict[int, tuple[Source, IntArray]] = {}
-        self._parts: list[Source | tuple[IntArray, IntArray]] = []
+        self._sources: dict[int, tuple[Any, IntArray]] = {}
+        self._parts: list[Any] = []  # sources, and pairs of slots whose values are multiplied
 
-    def slots(self, source: Source) -> IntArray:
+    def slots(self, source: Any) -> IntArray:
         """Returns where the values (k,) of an expression stand, in column order."""
         if id(source) not in self._sources:
             self._sources[id(source)] = source, self._take(source, source.size)
         return self._sources[id(source)][1]
 
-    def products(self, one: IntArray | None, other: IntArray) -> IntArray:
+    def products(self, one: IntArray, other: IntArray) -> IntArray:
         """Slots (k,) of products of the values in slots (k,)."""
-        if one is None or not one.any():
+        if not one.any():
             return other
         return self._take((one, other), len(other))
 
-    def _take(self, part: Source | tuple[IntArray, IntArray], size: int) -> IntArray:
+    def _take(self, part: Any, size: int) -> IntArray:
         self._parts.append(part)
         self.size += size
         return np.arange(self.size - size, self.size)
@@ -123,11 +121,6 @@ class Theta:
             end += len(values)
         return result
 
-    def parameters(self) -> list[cp.Parameter]:
-        """Those that any coefficient depends on, in the order in which they came."""
-        sources = [part for part in self._parts if not isinstance(part, tuple)]
-        return list(dict.fromkeys(p for source in sources for p in source.parameters()))
-
 
 def check_values(parameters: Iterable[cp.Parameter]) -> None:
     for parameter in parameters:
@@ -141,8 +134,8 @@ def check_values(parameters: Iterable[cp.Parameter]) -> None:
 @dataclass(frozen=True, eq=False, slots=True)
 class Form:
     """k affine forms of the unknowns of :class:`Rows`: ``row``, ``column``, ``value`` and ``slot``
-    of their entries, None where all are in slot 0, and their constants (k,). ``first`` is set where
-    they are unknowns themselves, one after the other from this column on.
+    of their entries, and their constants (k,). ``first`` is set where they are unknowns themselves,
+    one after the other from this column on.
 
     Sums, multiples by numbers (k,), rows by index and products with matrices from the left are
     forms, as with CVXPY's expressions; :meth:`times` takes coefficients in Parameters as well.
@@ -152,11 +145,18 @@ class Form:
     row: IntArray
     column: IntArray
     value: FloatArray
+    slot: IntArray
     constant: FloatArray
-    slot: IntArray | None = None
     first: int | None = None
 
     __array_ufunc__ = None  # NumPy's arrays leave arithmetic to forms
+
+    @classmethod
+    def of(
+        cls, theta: Theta, row: IntArray, column: IntArray, value: FloatArray, constant: FloatArray
+    ) -> Form:
+        """Forms whose entries do not depend on Parameters."""
+        return cls(theta, row, column, value, np.zeros(len(row), np.int64), constant)
 
     @property
     def size(self) -> int:
@@ -166,14 +166,14 @@ class Form:
         """Times a number, one per form, or a CVXPY expression of Parameters of such a shape."""
         if isinstance(coefficient, float):
             value, constant = coefficient * self.value, coefficient * self.constant
-            return Form(self.theta, self.row, self.column, value, constant, self.slot)
+            return Form(self.theta, self.row, self.column, value, self.slot, constant)
         if not isinstance(coefficient, cp.Expression):
             k = np.asarray(coefficient, dtype=float)
             if k.ndim == 0:
                 return self.times(float(k))
             own = self._spread(k.size)
             value, constant = k[own.row] * own.value, k * own.constant
-            return Form(own.theta, own.row, own.column, value, constant, own.slot)
+            return Form(own.theta, own.row, own.column, value, own.slot, constant)
         own = self._spread(coefficient.size)._with_constant_entries()
         slots = np.broadcast_to(self.theta.slots(coefficient), (own.size,))
         return replace(own, slot=self.theta.products(own.slot, slots[own.row]), first=None)
@@ -182,7 +182,7 @@ class Form:
         """Returns the values at unknowns x, and the Parameters' present values."""
         if self.first is not None:
             return np.asarray(x[self.first : self.first + self.size])
-        value = self.value if self.slot is None else self.value * self.theta.values()[self.slot]
+        value = self.value * self.theta.values()[self.slot] if self.slot.any() else self.value
         each = np.append(x, 1.0)[self.column]  # the last stands for constants
         return np.asarray(np.bincount(self.row, value * each, self.size) + self.constant)
 
@@ -195,7 +195,7 @@ class Form:
         rows = np.arange(self.size)[index]
         if self.first is not None:
             every, ones = np.arange(len(rows)), np.ones(len(rows))
-            return Form(self.theta, every, self.first + rows, ones, np.zeros(len(rows)))
+            return Form.of(self.theta, every, self.first + rows, ones, np.zeros(len(rows)))
         order = np.argsort(self.row, kind="stable")
         start = np.searchsorted(self.row[order], np.arange(self.size + 1))
         at, each = _expanded(start, rows)
@@ -208,7 +208,7 @@ class Form:
             entries = sp.coo_array(matrix)
             row, column = (np.asarray(index, np.int64) for index in entries.coords)
             value = np.asarray(entries.data, dtype=float)
-            return Form(self.theta, row, self.first + column, value, np.zeros(matrix.shape[0]))
+            return Form.of(self.theta, row, self.first + column, value, np.zeros(matrix.shape[0]))
         columns = sp.csc_array(matrix)
         at, each = _expanded(columns.indptr, self.row)
         product = self._picked(each, np.asarray(columns.indices[at], np.int64))
@@ -239,26 +239,23 @@ class Form:
     def _plus(self, other: Any, weight: float) -> Form:
         if isinstance(other, cp.Expression):
             none = np.zeros(0, np.int64)
-            ones = Form(self.theta, none, none, np.zeros(0), np.ones(other.size))
+            ones = Form.of(self.theta, none, none, np.zeros(0), np.ones(other.size))
             other = ones.times(other)
         if not isinstance(other, Form):
             number = weight * np.asarray(other, dtype=float)
             own = self._spread(number.size)
             first = own.first if not number.any() else None
             constant = own.constant + number
-            return Form(own.theta, own.row, own.column, own.value, constant, own.slot, first)
+            return Form(own.theta, own.row, own.column, own.value, own.slot, constant, first)
         size = max(self.size, other.size)
         one, two = self._spread(size), other._spread(size)
-        slot = None
-        if one.slot is not None or two.slot is not None:
-            slot = np.concatenate([_slots(form.slot, len(form.row)) for form in (one, two)])
         return Form(
             self.theta,
             np.concatenate([one.row, two.row]),
             np.concatenate([one.column, two.column]),
             np.concatenate([one.value, two.value if weight == 1.0 else weight * two.value]),
+            np.concatenate([one.slot, two.slot]),
             one.constant + weight * two.constant,
-            slot,
         )
 
     def _spread(self, size: int) -> Form:
@@ -278,18 +275,13 @@ class Form:
             np.append(self.row, at),
             np.append(self.column, np.full(len(at), CONSTANT_COLUMN)),
             np.append(self.value, self.constant[at]),
+            np.append(self.slot, np.zeros(len(at), np.int64)),
             np.zeros(self.size),
-            None if self.slot is None else np.append(self.slot, _slots(None, len(at))),
         )
 
     def _picked(self, entries: IntArray, rows: IntArray) -> Form:
-        slot = None if self.slot is None else self.slot[entries]
         column, value = self.column[entries], self.value[entries]
-        return Form(self.theta, rows, column, value, self.constant, slot)
-
-
-def _slots(slot: IntArray | None, count: int) -> IntArray:
-    return np.zeros(count, np.int64) if slot is None else slot
+        return Form(self.theta, rows, column, value, self.slot[entries], self.constant)
 
 
 def _expanded(start: NDArray[Any], rows: IntArray) -> tuple[IntArray, IntArray]:
@@ -309,7 +301,7 @@ def gathered(form: Any, at: IntArray, size: int, weight: Any = 1.0) -> Any:
         if size == own.size and np.array_equal(at, np.arange(size)):
             return own
         constant = np.asarray(np.bincount(at, own.constant, size), dtype=float)
-        return Form(own.theta, at[own.row], own.column, own.value, constant, own.slot)
+        return Form(own.theta, at[own.row], own.column, own.value, own.slot, constant)
     every, weights = np.arange(len(at)), np.broadcast_to(weight, at.shape)
     if size == len(at) > 0 and np.array_equal(at, every) and np.ptp(weights) == 0.0:
         return form if weights[0] == 1.0 else float(weights[0]) * form  # less for CVXPY to do
@@ -323,17 +315,15 @@ def stacked(forms: Sequence[Any]) -> Any:
     if len(forms) == 1:
         return forms[0]
     ends = list(accumulate(form.size for form in forms))
-    starts, slot = [0, *ends[:-1]], None
-    if any(form.slot is not None for form in forms):
-        slot = np.concatenate([_slots(form.slot, len(form.row)) for form in forms])
+    starts = [0, *ends[:-1]]
     firsts = {None if f.first is None else f.first - s for s, f in zip(starts, forms, strict=True)}
     return Form(
         forms[0].theta,
         np.concatenate([s + form.row for s, form in zip(starts, forms, strict=True)]),
         np.concatenate([form.column for form in forms]),
         np.concatenate([form.value for form in forms]),
+        np.concatenate([form.slot for form in forms]),
         np.concatenate([form.constant for form in forms]),
-        slot,
         firsts.pop() if len(firsts) == 1 else None,
     )
 
@@ -354,7 +344,8 @@ class Rows:
     def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Form:
         count = 1 if size is None else size
         every, first = np.arange(count), self.width
-        form = Form(self.theta, every, first + every, np.ones(count), np.zeros(count), None, first)
+        form = Form.of(self.theta, every, first + every, np.ones(count), np.zeros(count))
+        form = replace(form, first=first)
         self.width += count
         self.unknowns.append(form)
         if nonneg:
@@ -402,7 +393,7 @@ class Rows:
             np.add.at(cost, goal.column, -goal.value)
             return Written(ConeProgram(cost, matrix, right, *sizes), self.theta)
         # with them, where each entry belongs among the numbers of A, b and c
-        slot = np.concatenate([_slots(part[3], len(part[0])) for part in entries])
+        slot = np.concatenate([part[3] for part in entries])
         is_entry = (column != CONSTANT_COLUMN) & (value != 0.0)
         places = row[is_entry], column[is_entry]
         matrix = sp.csc_array((np.ones(len(places[0])), places), shape=shape)
@@ -415,13 +406,13 @@ class Rows:
         of_cost = goal.column != CONSTANT_COLUMN
         place = [at, matrix.nnz + row[is_constant], matrix.nnz + shape[0] + goal.column[of_cost]]
         values = [value[is_entry], -value[is_constant], -goal.value[of_cost]]
-        every = [slot[is_entry], slot[is_constant], _slots(goal.slot, len(goal.row))[of_cost]]
+        every = [slot[is_entry], slot[is_constant], goal.slot[of_cost]]
         fixed = np.concatenate([np.zeros(matrix.nnz), right, cost])
         program = ConeProgram(cost, matrix, right, *sizes)
         return Written(program, self.theta, fixed, *map(np.concatenate, (place, values, every)))
 
 
-_Entries = list[tuple[IntArray, IntArray, FloatArray, IntArray | None]]
+_Entries = list[tuple[IntArray, IntArray, FloatArray, IntArray]]
 
 
 @dataclass(frozen=True, eq=False)

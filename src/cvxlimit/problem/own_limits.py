@@ -39,8 +39,8 @@ import numpy as np
 
 from cvxlimit.base.arrays import EPSILON, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.model.limits import LinearLimits
 from cvxlimit.model.statics import DOF, block_sizes
+from cvxlimit.problem.limits import LinearLimits
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution.bracket import Bracket
 

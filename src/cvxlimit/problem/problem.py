@@ -10,7 +10,7 @@ import cvxpy as cp
 
 from cvxlimit.errors import ModelError
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.program import LimitProgram
+from cvxlimit.problem.program import UserProgram
 from cvxlimit.problem.solving import solved
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
@@ -79,11 +79,12 @@ class LimitProblem:
         least: Any = None,
         formulation: Formulation = corner_compressions,
     ) -> None:
-        self._stated = LimitProgram(
-            scene, surface, friction=friction, cohesion=cohesion, live=live, dead=dead,
-            compressive_strength=compressive_strength, tensile_strength=tensile_strength,
-            weights=weights, most=most, least=least, formulation=formulation,
-        )  # fmt: skip
+        values = {
+            "friction": friction, "cohesion": cohesion, "live": live, "dead": dead,
+            "compressive_strength": compressive_strength, "tensile_strength": tensile_strength,
+            "weights": weights, "most": most, "least": least,
+        }  # fmt: skip
+        self._stated = UserProgram(scene, surface, values, formulation)
 
     def __repr__(self) -> str:
         stated, scene = self._stated, self._stated.assemblage.scene
@@ -98,7 +99,7 @@ class LimitProblem:
             f"{variables:,} variables",
             f"limits: {', '.join(sizes)}",
         ]
-        own = stated.given.parameters() + self.problem.parameters()
+        own = stated.values.parameters() + self.problem.parameters()
         names = [f"{p.name()} {p.shape or ''}".strip() for p in dict.fromkeys(own)]
         parts += [f"Parameters: {', '.join(names)}"] if names else []
         parts += ["maximises an aim of one's own"] if stated.aim is not None else []

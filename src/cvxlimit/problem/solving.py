@@ -12,14 +12,13 @@ from cvxpy.settings import INFEASIBLE, OPTIMAL, OPTIMAL_INACCURATE, SOLVER_ERROR
 
 from cvxlimit.errors import ModelError
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex import Convex
-from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.convex import Convex, ConvexSearch
 from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.methods.wedging import judged
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.limits import smallest_conflict
-from cvxlimit.model.program import LimitProgram
+from cvxlimit.problem.limits import smallest_conflict
 from cvxlimit.problem.own_limits import OwnCertifier
+from cvxlimit.problem.program import UserProgram
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, asked_ladder
@@ -31,7 +30,7 @@ from cvxlimit.solvers.table import options_of
 class OneProblem(Convex):
     """The convex method on a problem that exists, whose solvers start from the solve before."""
 
-    problem: LimitProgram | None = None
+    problem: UserProgram | None = None
 
     def steps(self, run: Run) -> Steps:
         assert self.problem is not None
@@ -42,7 +41,7 @@ class OneProblem(Convex):
         self.problem.reference = search.certifier.witnesses.known
         return judged(run) if status is Status.UNBOUNDED else status
 
-    def _own(self, run: Run, problem: LimitProgram) -> Steps:
+    def _own(self, run: Run, problem: UserProgram) -> Steps:
         """Solves with limits or an aim of the user's, with both bounds, where all of them are
         linear."""
         search = ConvexSearch(run, "full", self.tolerance, self.budget, problem)
@@ -77,7 +76,7 @@ class OneProblem(Convex):
     def _bracketed(
         self,
         search: ConvexSearch,
-        problem: LimitProgram,
+        problem: UserProgram,
         proof: OwnCertifier | None,
         state: LimitState,
     ) -> Answer:
@@ -91,7 +90,7 @@ class OneProblem(Convex):
         known_state = None if reserve is None else (reserve, certifier.witnesses.factor)
         bracket = proof.bracket(forces, factor, known_state, *about)
         if not np.isfinite(bracket.upper) and multipliers is not None:
-            search.solve_opening()
+            search.aside.opening_field()
             bracket = proof.bracket(forces, factor, known_state, *about)
         # the dead load alone may break the limits, or carry another load factor than theirs
         others = _inside(search.run, problem)
@@ -103,7 +102,7 @@ class OneProblem(Convex):
         return Answer(value, bracket, state.forces, mechanism)
 
 
-def _inside(run: Run, problem: LimitProgram) -> Iterator[LimitState]:
+def _inside(run: Run, problem: UserProgram) -> Iterator[LimitState]:
     """States that may be strictly inside the limits: that of the solve before, which costs nothing
     and often still is where Parameters have changed little, and an answer without an aim, of the
     first solver that has one."""
@@ -123,7 +122,7 @@ def _better(before: Answer, found: Answer) -> Answer:
     return raised.lowered(new.upper, new.upper_is_proved, found.mechanism)
 
 
-def _without_answer(problem: LimitProgram, status: str) -> str:
+def _without_answer(problem: UserProgram, status: str) -> str:
     if status == UNBOUNDED:
         return f"there is no largest value: {problem.said_own} leave it free"
     named = [f"limit {name!r}" for name in smallest_conflict(problem.problem, problem.limits)]
@@ -146,7 +145,7 @@ compiles, which has no part in the answer."""
 
 
 def solved(
-    problem: LimitProgram, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
+    problem: UserProgram, solver: Any, tolerance: float, verbose: bool, options: dict[str, Any]
 ) -> Solution:
     """See :meth:`~cvxlimit.LimitProblem.solve`."""
     ladder, own = None if solver is None else asked_ladder(solver, None), dict(options)
@@ -173,7 +172,7 @@ def solved(
     return found
 
 
-def _tell(problem: LimitProgram, found: Solution, best: Answer) -> None:
+def _tell(problem: UserProgram, found: Solution, best: Answer) -> None:
     """Leave the values of the answer in CVXPY's variables, duals and problem: those of the states
     whose forces and mechanism it has, and not of any that were asked for its bracket."""
     states = problem.states or []
@@ -193,7 +192,7 @@ def _tell(problem: LimitProgram, found: Solution, best: Answer) -> None:
 
 
 def solved_at(
-    problem: LimitProgram, given: Assemblage, tolerance: float = TOLERANCE,
+    problem: UserProgram, given: Assemblage, tolerance: float = TOLERANCE,
     ladder: Sequence[SolverSettings] | None = None,
 ) -> Solution:  # fmt: skip
     """The solution where the Parameters' present values are those of the mechanics ``given``."""
@@ -201,7 +200,7 @@ def solved_at(
 
 
 def _solved(
-    problem: LimitProgram, given: Assemblage, tolerance: float,
+    problem: UserProgram, given: Assemblage, tolerance: float,
     ladder: Sequence[SolverSettings] | None = None, verbose: bool = False,
 ) -> tuple[Solution, Answer]:  # fmt: skip
     """The solution, and the answer that it was made of."""

@@ -35,7 +35,7 @@ from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.crushing import EffectiveRectangles, recession_of
 from cvxlimit.model.flow import FlowRule, Shortfall
-from cvxlimit.model.formulations import Formulation, corner_compressions, model_of
+from cvxlimit.model.formulations import Formulation, corner_compressions, is_weak, model_of
 from cvxlimit.model.statics import SMALLEST, Statics
 from cvxlimit.surfaces.base import (
     Condition,
@@ -92,7 +92,8 @@ class Strength:
         self.formulation = formulation
         # rectangles that crush have closed forms; what else crushes has forces of its own
         is_plain = formulation is corner_compressions
-        self.crushing = EffectiveRectangles.of(self.contacts) if is_plain else None
+        crushes = is_plain and is_weak(self.contacts).any()
+        self.crushing = EffectiveRectangles.of(self.contacts) if crushes else None
         if self.crushing is None:
             model = model_of(formulation, self.contacts, assemblage.corners)
         else:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.base.arrays import SMALL
-from cvxlimit.methods.table import TABLE
+from cvxlimit.methods.solving import TABLE
 from cvxlimit.proof.checks import SLACK, Check, follows, is_alike, proved, unseen, unseen_fields
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded_down, rounded_up

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import meant
+from cvxlimit.base.checks import check_choice
 from cvxlimit.errors import ModelError
 from cvxlimit.readings.moments import INDEPENDENT, SIGNED, Moments, TiedMoments
 
@@ -92,9 +92,5 @@ def reading_of(name: str) -> Moments | None:
 def parse_moments(moments: str | Moments) -> Moments:
     if isinstance(moments, Moments):
         return moments
-    if moments not in MOMENTS:
-        raise ModelError(
-            f"moments must be one of {', '.join(MOMENTS)}, got {moments!r}"
-            + meant(moments, MOMENTS, before="; ")
-        )
+    check_choice("moments", moments, MOMENTS)
     return MOMENTS[moments]

@@ -105,12 +105,8 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
     reflection = reflected(normal)
     turn = reflection[:3, :3]
     loads = [load.reshape(-1, DOF) for load in (statics.dead, statics.live)]
-    if any(_is_across(load, normal, size) for load in loads):
-        return None
     offset = 2.0 * float((free @ normal).mean()) * normal
     near = BALANCED * size
-    if _is_askew(free, normal, size):
-        return None
     blocks = _partners(free, free @ turn + offset, near)
     if blocks is None or not all(
         are_loads_alike(load[blocks], load @ reflection, size, BALANCED) for load in loads
@@ -135,25 +131,6 @@ def _mirror(statics: Statics, normal: FloatArray, free: FloatArray, size: float)
     carried[:, :3, :3] = np.sign(side)[:, None, None] * local
     carried[:, 3:, 3:] = -carried[:, :3, :3]
     return Mirror(normal, blocks, partner, carried)
-
-
-def _is_across(load: FloatArray, normal: FloatArray, size: float) -> bool:
-    """True if loads (free blocks, 6) have a sum across the plane, which no mirror image has: told
-    before partners are sought."""
-    largest = np.abs(load / np.repeat([1.0, size], 3)).max(initial=0.0)
-    across = abs(float(load[:, :3].sum(axis=0) @ normal))
-    return bool(across > len(load) * BALANCED * largest)
-
-
-def _is_askew(places: FloatArray, normal: FloatArray, size: float) -> bool:
-    """True if second moments of places (n, 3) mix heights above the plane with what lies along it,
-    which those of mirror images take away from each other: told before partners are sought."""
-    centred = places - places.mean(axis=0)
-    heights = centred @ normal
-    mixed = heights @ (centred - heights[:, None] * normal) / len(places)
-    # partners may be off by that share of the size, in height as well as along the plane
-    arm = float(np.abs(centred).max(initial=0.0))
-    return bool(np.abs(mixed).max() > 10.0 * BALANCED * size * arm)
 
 
 def _partners(places: FloatArray, images: FloatArray, near: float) -> IntArray | None:

@@ -172,7 +172,7 @@ class Scene(RemadeFromFields, SceneJoints):
     @cached_property
     def lumped(self) -> Lumped | None:
         """Faces that contacts take as planes that they are not in; None without any."""
-        return lumped_at(self.contacts)
+        return lumped_at(self.contacts) if self.contacts.lumped.any() else None
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
@@ -312,7 +312,7 @@ class Scene(RemadeFromFields, SceneJoints):
     def explain(self, surface: Any = "conic", **options: Any) -> Any:
         """Size of the model that ``solve`` uses, solver, expected times; nothing is solved.
 
-        Parameters, result and errors are those of :func:`cvxlimit.reductions.choice.explain`.
+        Parameters, result and errors are those of :func:`cvxlimit.reductions.explaining.explain`.
         """
         return attached("scene_explain")(self, surface, **options)
 

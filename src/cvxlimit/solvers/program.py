@@ -72,18 +72,6 @@ class ConeProgram:
         matrices = data[keys.C], data[keys.A], data[keys.B]
         return cls(*matrices, dims.zero, dims.nonneg, tuple(dims.soc))
 
-    def under(self, dead: FloatArray, live: FloatArray) -> ConeProgram:
-        """Returns the program with the same conditions under other loads: the right-hand side of
-        the equations is minus ``dead`` (zero,), and their last column is ``live`` (zero,)."""
-        loaded, last = np.flatnonzero(live), int(self.matrix.indptr[-2])
-        entries = (
-            np.concatenate([self.matrix.data[:last], live[loaded]]),
-            np.concatenate([self.matrix.indices[:last], loaded]),
-            np.append(self.matrix.indptr[:-1], last + len(loaded)),
-        )
-        right = np.concatenate([-dead, self.right[self.zero :]])
-        return replace(self, matrix=sp.csc_array(entries, self.matrix.shape), right=right)
-
     def solve(
         self,
         settings: SolverSettings,

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
 
+from cvxlimit.base.checks import check_choice
 from cvxlimit.errors import ModelError
 from cvxlimit.methods import driver
 from cvxlimit.methods.driver import Clock
-from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import TABLE, check_choice, chosen
+from cvxlimit.methods.solving import TABLE, chosen, solve
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.proof.certificate import Certifier

@@ -26,7 +26,7 @@ from cvxlimit.base.arrays import SMALL, BoolArray, FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.dilatancy.tresca import is_friction, tresca
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.aside import Aside
 from cvxlimit.methods.driver import Run
 from cvxlimit.methods.wedging import with_contacts_of
 from cvxlimit.model.formulations import corner_compressions, times
@@ -380,8 +380,8 @@ class _Search:
         contacts = self.part.contacts
         further = contacts.friction * np.maximum(pressed, 0.0) / contacts.area
         held = replace(contacts, friction=0.0 * contacts.friction, cohesion=cohesion + further)
-        search = ConvexSearch(self.run.auxiliary_run(with_contacts_of(self.part, held)), "full")
-        return search.carrying(load, search.surfaces, self.run.formulation)
+        aside = Aside(self.run.auxiliary_run(with_contacts_of(self.part, held)), "full")
+        return aside.carrying(load, aside.surfaces, self.run.formulation)
 
     def _carried(self, pressed: FloatArray, most: float) -> tuple[float, FloatArray | None]:
         """Returns the proved load factor, at most ``most``, that friction of these compressions
@@ -397,7 +397,13 @@ class _Search:
         with self.run.clock.phase("certify"):
             certifier = Certifier(found.assemblage, surfaces)
         if certifier.witnesses.dead_state is None:
-            inside = self._solved(problem.inside())
+            # without anything to maximise a solver ends well inside
+            inside = self._solved(
+                LimitProgram(
+                    found.assemblage, surfaces, reduction=reduction,
+                    goal=lambda stated: 0.0 * goal(stated),
+                )
+            )  # fmt: skip
             given = certifier.given(inside)
             if given is not None and inside.load_factor is not None:
                 certifier.offer_dead_state(given, inside.load_factor)

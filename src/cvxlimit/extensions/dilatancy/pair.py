@@ -37,7 +37,7 @@ import scipy.sparse as sp
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.dilatancy.tresca import HeldFlow, HeldFormulation, tresca
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
-from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.convex import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.model.formulations import corner_compressions, times
 from cvxlimit.model.program import LimitProgram

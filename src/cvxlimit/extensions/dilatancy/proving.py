@@ -15,7 +15,7 @@ import numpy as np
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.dilatancy.least_thrust import lower_bound
 from cvxlimit.extensions.dilatancy.members import Verifier
-from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.convex import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.proof.checks import SLACK, Check, proved
 from cvxlimit.proving.solutions import ProvedAgain

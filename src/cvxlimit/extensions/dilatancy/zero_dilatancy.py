@@ -24,9 +24,9 @@ from cvxlimit.extensions.dilatancy.least_thrust import PATIENCE, is_covered, low
 from cvxlimit.extensions.dilatancy.members import Verifier
 from cvxlimit.extensions.dilatancy.pair import Pair, pressed
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex_search import ConvexSearch, standing
+from cvxlimit.methods.convex import ConvexSearch, standing
 from cvxlimit.methods.driver import Method, Run, Steps
-from cvxlimit.reductions.choice import BUDGET, searches_in_time
+from cvxlimit.reductions.explaining import BUDGET, searches_in_time
 from cvxlimit.solution import Member, Search, Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 from cvxlimit.solvers import LimitState

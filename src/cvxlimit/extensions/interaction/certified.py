@@ -28,7 +28,7 @@ from cvxlimit.extensions.interaction.restriction.slater import carrying_forces
 from cvxlimit.extensions.interaction.settings import BRACKET
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.convex_search import dead_load_falls
+from cvxlimit.methods.convex import dead_load_falls
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.standing import fallen
 from cvxlimit.methods.wedging import judged

@@ -12,8 +12,8 @@ import numpy as np
 from cvxlimit.base.checks import is_number
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statics import DOF
+from cvxlimit.problem.program import UserProgram
 from cvxlimit.problem.solving import solved_at
 from cvxlimit.solution import Solution, Status
 from cvxlimit.surfaces.coulomb import strength_key, surfaces_of
@@ -38,7 +38,7 @@ class PatchedProblem:
     Parameters; ``strengths`` (n,) by name, ``loads`` (free blocks, 6) by ``"dead"`` and
     ``"live"``."""
 
-    problem: LimitProgram
+    problem: UserProgram
     strengths: Mapping[str, cp.Parameter]
     loads: Mapping[str, cp.Parameter]
 
@@ -58,7 +58,7 @@ class PatchedProblem:
             name: cp.Parameter((len(load) // DOF, DOF), name=name, value=load.reshape(-1, DOF))
             for name, load in acting.items()
         }
-        return cls(LimitProgram(given, surface, **strengths, **loads), strengths, loads)
+        return cls(UserProgram(given, surface, {**strengths, **loads}), strengths, loads)
 
     def solve(self, given: Assemblage, **options: Any) -> Solution | None:
         """The solution for the mechanics ``given``, from the row before on; None where this has not

@@ -14,15 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.base.checks import is_number, meant, ratio
+from cvxlimit.base.checks import check_choice, is_number, meant, ratio
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.extensions.studies.identity import digest, row_identity
 from cvxlimit.extensions.studies.patched import PatchedProblem, strengths_of
 from cvxlimit.extensions.studies.store import IDENTITY, PROOF
 from cvxlimit.extensions.studies.variations import Family
 from cvxlimit.io.results import result_to_dict
-from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import TABLE, check_choice
+from cvxlimit.methods.solving import TABLE, solve
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import MODELS

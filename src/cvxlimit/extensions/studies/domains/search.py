@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import count, of_type, ratio
+from cvxlimit.base.checks import check_choice, count, of_type, ratio
 from cvxlimit.base.progressbar import progress_bar
 from cvxlimit.base.search import searched
 from cvxlimit.base.versions import __version__
@@ -39,8 +39,7 @@ from cvxlimit.extensions.studies.domains.polytopes import FLAT, Inner
 from cvxlimit.extensions.studies.domains.supports import Structure, Support
 from cvxlimit.extensions.studies.identity import check_version, digest, row_identity
 from cvxlimit.io.scenes import LOAD, scene_digest
-from cvxlimit.methods.solving import solve
-from cvxlimit.methods.table import TABLE, MethodName, check_choice
+from cvxlimit.methods.solving import TABLE, MethodName, solve
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import MomentsName

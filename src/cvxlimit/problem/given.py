@@ -1,5 +1,11 @@
 """What a limit problem is given in place of a scene's own numbers: strengths and loads that may be
-CVXPY Parameters."""
+CVXPY Parameters.
+
+Numbers make another scene, whose mechanics are then the problem's; expressions of Parameters stay
+expressions, in what the problem states (:class:`~cvxlimit.model.program.Given`). At the Parameters'
+present values (:meth:`Values.at_present`) they are numbers, and make another scene as well: it is
+that scene whose bracket a solve computes.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +24,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.program import Given
 from cvxlimit.model.sinks import check_values
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
@@ -27,47 +34,40 @@ from cvxlimit.surfaces.base import number, product
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class Values:
     """A scene whose strengths and loads may be expressions of Parameters.
 
     Attributes
     ----------
     assemblage : Assemblage
         The scene's mechanics, with those numbers that were given.
-    contacts : Contacts
-        What surfaces and formulations see: strengths are expressions where Parameters were given.
-    dead, live : array or expression (6 free blocks,)
-    pull : array or expression (n,), or None
-        What the compressions of contacts that bear tension have too much, as they are stated, and
-        those of reactions that push at least so much too little.
+    given : Given
+        What the problem states: expressions where Parameters were given.
     joints : mapping of property to expression (n,), weights : expression (free blocks,) or None
     loads : mapping of "dead" or "live" to expression (6 free blocks,)
         Those that were given as Parameters.
     """
 
     assemblage: Assemblage
-    contacts: Contacts
-    dead: Any
-    live: Any
+    given: Given
     joints: Mapping[str, Any]
     weights: Any = None
     loads: Mapping[str, Any] = field(default_factory=dict)
-    pull: Any = None
 
     @property
     def is_symbolic(self) -> bool:
         """True if anything was given as a Parameter."""
-        loads = isinstance(self.dead, cp.Expression) or isinstance(self.live, cp.Expression)
-        return bool(self.joints) or loads
+        loads = (self.given.dead, self.given.live)
+        return bool(self.joints) or any(isinstance(load, cp.Expression) for load in loads)
 
     @classmethod
-    def of(cls, scene: Scene | Assemblage, values: Mapping[str, Any]) -> Given:
+    def of(cls, scene: Scene | Assemblage, values: Mapping[str, Any]) -> Values:
         """``values`` by name, of joints, loads, ``"weights"`` and bounds of reactions; None is the
         scene's."""
         own = {name: value for name, value in values.items() if value is not None}
         if not own and isinstance(scene, Assemblage):
             statics = scene.statics
-            return cls(scene, statics.contacts, statics.dead, statics.live, {})
+            return cls(scene, Given(statics.contacts, statics.dead, statics.live), {})
         plain = scene.scene if isinstance(scene, Assemblage) else scene
         n, free = len(plain.contacts), len(plain.free)
         kinds = [*PROPERTIES], ["dead", "live"], ["most", "least"]
@@ -97,7 +97,8 @@ class Given:
             dead, live = _loads(plain, symbolic_loads, weight)
         symbolic = {"dead": dead, "live": live}
         symbolic = {name: symbolic[name] for name in symbolic_loads}
-        return _with_tension(cls(whole, plain.contacts, dead, live, symbols, weight, symbolic))
+        given = _with_tension(whole, Given(plain.contacts, dead, live), symbols)
+        return cls(whole, given, symbols, weight, symbolic)
 
     def at_present(self) -> Assemblage:
         """Returns the mechanics with the Parameters' present values in the scene's place."""
@@ -128,7 +129,7 @@ class Given:
 
     def parameters(self) -> list[cp.Parameter]:
         """All that were given."""
-        every = [*self.joints.values(), self.dead, self.live]
+        every = [*self.joints.values(), self.given.dead, self.given.live]
         parameters = [p for e in every if isinstance(e, cp.Expression) for p in e.parameters()]
         return list(dict.fromkeys(parameters))
 
@@ -284,15 +285,14 @@ def _loads(scene: Scene, given: Mapping[str, Any], weights: Any) -> tuple[Any, A
     return dead, live
 
 
-def _with_tension(given: Given) -> Given:
+def _with_tension(whole: Assemblage, given: Given, joints: Mapping[str, Any]) -> Given:
     """What surfaces see: strengths and bounds as they were given, mortar's tension, and what pushes
     at least so much, as a dead load besides (:class:`~cvxlimit.model.mortar.Mortar`)."""
-    contacts, whole = given.contacts, given.assemblage
-    values = {name: given.joints.get(name, getattr(contacts, name)) for name in PROPERTIES}
-    values |= {name: given.joints.get(name, getattr(contacts, name)) for name in ("least", "most")}
+    contacts, names = given.contacts, (*PROPERTIES, "least", "most")
+    values = {name: joints.get(name, getattr(contacts, name)) for name in names}
     tension, least = values["tensile_strength"], values["least"]
     has_tension, has_least = (isinstance(x, cp.Expression) or np.any(x) for x in (tension, least))
-    if not (given.joints or has_tension or has_least):
+    if not (joints or has_tension or has_least):
         return given
     dead, seen, pull = given.dead, copy(contacts), np.zeros(len(contacts))
     if has_tension:
@@ -315,4 +315,4 @@ def _with_tension(given: Given) -> Given:
     dead = dead - whole.statics.matrix[:, COLUMN["N"] :: len(COMPONENTS)] @ pull
     seen.__dict__.update(values, take=contacts.take)
     shown = pull if has_tension or has_least else None
-    return replace(given, contacts=seen, dead=dead, pull=shown)
+    return Given(seen, dead, given.live, shown)

@@ -1,4 +1,11 @@
-"""Limits and objectives that users write in CVXPY, as rows beside those of the limit problem."""
+"""Limits and objectives that users write in CVXPY, as rows beside those of the limit problem.
+
+CVXPY compiles them by themselves, to A y <= b with equations and cones of its own, y being its
+variables. Those that are unknowns of the limit problem get its columns, others new ones
+(:meth:`OwnLimits.state`). For proofs the same rows are put on contact forces x and the load factor
+(:meth:`OwnLimits.linear`): rows a on internal forces s, x = R s, become rows a R' (R R')^-1 on x,
+contact by contact, where these say the same.
+"""
 
 from __future__ import annotations
 
@@ -150,8 +157,8 @@ class OwnLimits:
             np.append(matrix.indices, right),
             np.append(column, np.full(height, CONSTANT_COLUMN)),
             np.ones(matrix.nnz + height),
-            np.zeros(height),
             slots[: matrix.nnz + height],
+            np.zeros(height),
         )
         ends = np.cumsum([self.dims.zero, self.dims.nonneg]).tolist()
         if ends[0]:
@@ -163,10 +170,8 @@ class OwnLimits:
             into.cone(forms[0], forms[1:])
         none = np.zeros(width, np.int64)
         # CVXPY's cost is what is made least
-        return Form(
-            into.theta, none, self.columns, -np.ones(width), np.zeros(1),
-            slots[matrix.nnz + height :],
-        )  # fmt: skip
+        last = slots[matrix.nnz + height :]
+        return Form(into.theta, none, self.columns, -np.ones(width), last, np.zeros(1))
 
     def places(self, program: ConeProgram) -> IntArray:
         """Returns where the rows stand among those of a program: last of each kind."""
