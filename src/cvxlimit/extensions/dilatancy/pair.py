@@ -25,7 +25,6 @@ and only if the load factor with their friction held is their own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -44,7 +43,7 @@ from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import Reductions, contacts_of
-from cvxlimit.solvers import LimitState, SolverSettings, blockwise, clarabel_at
+from cvxlimit.solvers import LimitState, SolverSettings, ladder_for
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
 
@@ -204,7 +203,7 @@ class Pair:
 
     def _solved(self, problem: LimitProgram, tolerance: float) -> tuple[LimitState, SolverSettings]:
         self.solved += 1
-        return self.run.try_solvers(problem.run, self.run.ladder or ladder(tolerance))
+        return self.run.try_solvers(problem.run, self.run.ladder or ladder_for("pairs", tolerance))
 
     def dilatancy(self, mechanism: FloatArray) -> FloatArray:
         """Returns the price (n,) of a mechanism (free, 6): the opening that dilatancy would add to
@@ -212,11 +211,6 @@ class Pair:
         statics = self.run.assemblage.statics
         unit = mechanism / float(statics.live @ mechanism.ravel())
         return self.slip.dilatancy(self.slip.shortfall(statics.relative_rates(unit)))
-
-
-def ladder(tolerance: float) -> Sequence[SolverSettings]:
-    """Returns our own solver, which starts warm, and Clarabel for where it fails."""
-    return (*blockwise(tolerance), *clarabel_at(tolerance))
 
 
 def pressed(state: LimitState) -> FloatArray:

@@ -36,7 +36,7 @@ from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.extensions.paths.path import LEVEL_FOR, Ending
 from cvxlimit.extensions.paths.resting import FARTHEST, REACH, At
 from cvxlimit.model.statics import DOF
-from cvxlimit.solvers import settings_for
+from cvxlimit.solvers import ladder_for
 from cvxlimit.solvers.program import ConeProgram
 
 RHO = 1e-3
@@ -51,8 +51,6 @@ _CLOSING = 0.2
 
 _PAIRS = 2
 """Pairs of the two problems without dilatancy; one leaves d0 of a dome a third too low."""
-
-_SETTINGS = settings_for("CLARABEL", 1e-9)
 
 
 class Proximal:
@@ -160,7 +158,7 @@ class Proximal:
         program = ConeProgram(
             cost, matrix, right, 1, nonneg, (3,) * cones, quadratic=sp.csc_array(sp.diags(costs))
         )
-        _, x, duals = program.solve(_SETTINGS, all_duals=True)
+        _, x, duals = program.solve(*ladder_for("explicit steps"), all_duals=True)
         return None if x is None or duals is None else (x, duals)
 
     def _way(self, push: float) -> float:

@@ -26,7 +26,8 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import centres
-from cvxlimit.solvers import SolverSettings, node_ladder, tight_ladder
+from cvxlimit.solvers import SolverSettings, ladder_for
+from cvxlimit.solvers.ladders import MANY
 from cvxlimit.surfaces import Rocking
 
 
@@ -114,8 +115,10 @@ class Relaxer:
         tolerance: float = 1e-4,
     ) -> None:
         self.moments, self.contacts = moments, assemblage.contacts
-        self.ladder = tuple(ladder or node_ladder(len(self.contacts), tolerance))
-        self.tight = tuple(ladder or tight_ladder())
+        purpose = "nodes of many" if len(self.contacts) >= MANY else "nodes"
+        closest = max(1e-8, BRANCH.solved * tolerance)
+        self.ladder = tuple(ladder or ladder_for(purpose, closest))
+        self.tight = tuple(ladder or ladder_for("tight"))
         self.flow = InteractionFlow(self.contacts, moments)
         self.certifier = Certifier(assemblage, (Rocking(),), flow=self.flow)
         if opening is not None:
