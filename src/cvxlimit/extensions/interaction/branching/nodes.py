@@ -14,7 +14,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.interaction.flow import InteractionFlow
-from cvxlimit.extensions.interaction.relaxation.column_blocks import ColumnBlock, Halfway, Key
+from cvxlimit.extensions.interaction.relaxation.column_blocks import ColumnBlock, Halfway
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem, HullState
 from cvxlimit.extensions.interaction.relaxation.upper import priced_disjuncts
 from cvxlimit.extensions.interaction.settings import BRANCH
@@ -70,7 +70,7 @@ class Node:
 
     def without(self, *contacts: int) -> tuple[ColumnBlock, ...]:
         """Returns the added disjuncts of all but these contacts."""
-        return tuple(piece for piece in self.added if piece.members.key[0] not in contacts)
+        return tuple(piece for piece in self.added if piece.members.contact[0] not in contacts)
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Relaxer:
         self.solvers: set[str] = set()
         self.closed = -np.inf
         self.experience = Experience(len(self.contacts))
-        self._pieces: dict[Key, ColumnBlock] = {}
+        self._pieces: dict[tuple[int, bytes], ColumnBlock] = {}
 
     def begun(self) -> None:
         self.solves, self.closed = 0, -np.inf
@@ -192,7 +192,8 @@ class Relaxer:
             boxes = np.frombuffer(b"".join(ends for _, ends in new)).reshape(-1, 2, 2)
             disjuncts = states_of(self.moments).box_disjuncts(self.contacts.take(rows), boxes)
             unit = disjuncts.contact
-            found = self.problem.column_blocks(replace(disjuncts, contact=rows[unit]), unit, new)
+            disjuncts = replace(disjuncts, contact=rows[unit])
+            found = self.problem.column_blocks(disjuncts, unit, len(new))
             self._pieces.update(zip(new, found, strict=True))
         return [[self._pieces[key] for key in each] for each in keys]
 
