@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import cvxpy as cp
 import cvxpy.settings as keys
@@ -165,6 +165,13 @@ class LimitProgram(Changeable):
             return self._ready
         written = self._in_rows[1]
         return written.at(written.theta.values())
+
+    def at(self, values: Mapping[str, Any]) -> Self:
+        """The problem at other ``values`` of its Parameters, by their names; zero where none is
+        given. It is stated once, and solvers that start warm go on from their last answer."""
+        for parameter in self._in_rows[1].theta.parameters():
+            parameter.value = np.broadcast_to(values.get(parameter.name(), 0.0), parameter.shape)
+        return self
 
     def ladder(self, tolerance: float = 1e-5) -> tuple[SolverSettings, ...]:
         """Solvers in the order in which to try them for a bracket within ``tolerance``, the same

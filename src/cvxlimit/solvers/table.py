@@ -114,6 +114,7 @@ _ROWS = (
            options={"max_iters": 100_000, "time_limit_secs": 60.0}, iterations="max_iters",
            is_tried=True, takes_matrices=True),
     Solver("CVXOPT", tolerances=("abstol", "reltol", "feastol")),
+    Solver("CUOPT", tolerances=("optimality",)),  # of cones CVXPY gets no duals
 )  # fmt: skip
 
 SOLVERS: Mapping[str, Solver] = Door("cvxlimit.solvers", {row.name: row for row in _ROWS})

@@ -113,7 +113,8 @@ def cut(
         label[:, place] = kind, number[owner]
     contact = contact[np.argsort(places[3])]
     # Entries of the matrix, and of the map to forces, sorted by block.
-    indptr, *entries = _entries(stated, places, starts, every[0])
+    indptr, data, row, row_kind = _entries(stated, places, starts, every[0])
+    counts = np.diff(indptr)
     rows, columns, values = forces
     block = every[0][columns]
     order = np.argsort(block, kind="stable")
@@ -125,11 +126,10 @@ def cut(
         [slice(*ends) for ends in pairwise(each.tolist())]
         for each in (*starts, indptr[starts[0]], inner)
     ]
-    counts, data, rows, kind = np.diff(indptr), *entries
     return [
         ColumnBlock(
             Members(contact[d], labels[0][:, a], labels[1][:, b], labels[2][:, c]),
-            counts[a], data[e], rows[e], kind[e], (force[0][f], force[1][f], force[2][f]),
+            counts[a], data[e], row[e], row_kind[e], (force[0][f], force[1][f], force[2][f]),
         )
         for a, b, c, d, e, f in zip(*slices, strict=True)
     ]  # fmt: skip
@@ -176,7 +176,7 @@ def _entries(
     before = np.stack([none, starts[1][:-1], 3 * starts[2][:-1]])
     rows = matrix.indices - first[kind]
     rows -= before[kind, np.repeat(np.sort(block), np.diff(matrix.indptr))]
-    return matrix.indptr, matrix.data, rows, kind.astype(np.int8)
+    return matrix.indptr.astype(int), matrix.data, rows, kind.astype(np.int8)
 
 
 class Columns:

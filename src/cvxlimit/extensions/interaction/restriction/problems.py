@@ -112,10 +112,7 @@ class SafeProblems:
         self.leading = run.ladder or ladder_for("leading")
         is_warm = not run.ladder and len(run.contacts) >= WARM_FROM
         self.warm = ladder_for("steps") if is_warm else ()
-        self.stepping = (
-            *self.warm,
-            *(settings for settings in self.leading if settings not in self.warm),
-        )
+        self.stepping = (*self.warm, *self.leading)
         self.tight = run.ladder or ladder_for("tight")
         with run.clock.phase("compile"):
             self.half = None if reductions is None else SymmetricHalf.of(reductions, self.moments)
