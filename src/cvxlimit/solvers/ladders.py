@@ -51,8 +51,6 @@ class Rung(NamedTuple):
 
 _OWN, _CLARABEL, _QOCO = "BLOCKWISE", "CLARABEL", "QOCO"
 _TOLD = {name: f"{name} {{:g}}" for name in (_OWN, _CLARABEL, _QOCO)}
-_REFINED = {"ir_tol": 1e-10, "max_ir_iters": 20}
-_PRECISE = {"reduced_tol_feas": 1e-9, "iterative_refinement_max_iter": 50}
 
 LADDERS: Mapping[str, tuple[Rung, ...]] = {
     # Any problem: Clarabel, Clarabel in units of its own answer or of ours, which weights far apart
@@ -61,7 +59,10 @@ LADDERS: Mapping[str, tuple[Rung, ...]] = {
         Rung(_CLARABEL),
         Rung("RESCALED", label="CLARABEL rescaled"),
         Rung("RESCALED", label="BLOCKWISE rescaled", options={"first": _OWN}),
-        Rung(_CLARABEL, 1e-13, 500, "CLARABEL tight", _PRECISE),
+        Rung(
+            _CLARABEL, 1e-13, 500, "CLARABEL tight",
+            {"reduced_tol_feas": 1e-9, "iterative_refinement_max_iter": 50},
+        ),
         Rung(_CLARABEL, 1e-12, 500, "CLARABEL unequilibrated", {"equilibrate_enable": False}),
     ),
     # Limit problems by size and kind (limit_ladder), those of any problem behind them. Ours is
@@ -70,7 +71,11 @@ LADDERS: Mapping[str, tuple[Rung, ...]] = {
     # large for it. On tiny ones QOCO opens strong stone where Clarabel fails.
     "large": (Rung(_OWN, ASKED), Rung(_OWN, label="BLOCKWISE tight"), Rung(_CLARABEL)),
     "medium": (Rung(_OWN, ASKED), Rung(_CLARABEL), Rung(_OWN, label="BLOCKWISE tight")),
-    "small": (Rung(_QOCO, ASKED, options=_REFINED), Rung(_CLARABEL), Rung(_OWN)),
+    "small": (
+        Rung(_QOCO, ASKED, options={"ir_tol": 1e-10, "max_ir_iters": 20}),
+        Rung(_CLARABEL),
+        Rung(_OWN),
+    ),
     "tiny": (Rung(_CLARABEL), Rung(_QOCO, ASKED), Rung(_OWN)),
     "narrow": (Rung(_CLARABEL), Rung(_OWN)),
     # Forces that count to 1e-9 of the load; ours takes half to a third of Clarabel's time.
@@ -105,7 +110,7 @@ LADDERS: Mapping[str, tuple[Rung, ...]] = {
     # Iterates of paths, and their explicit steps, whose quadratic objectives Clarabel alone takes.
     "paths": (Rung(_OWN, ASKED), Rung(_CLARABEL, 1e-12)),
     "explicit steps": (Rung(_CLARABEL, 1e-9),),
-}
+}  # fmt: skip
 """The rungs of every purpose, in order."""
 
 

@@ -137,7 +137,7 @@ def cut(
 
 def _owner(form: Form, of_column: IntArray) -> IntArray:
     """Returns the disjunct (k,) of each of a limit's rows, that of any of its columns."""
-    result = np.empty(form.size, dtype=int)
+    result = np.zeros(form.size, dtype=int)
     result[form.row] = of_column[form.column]
     return result
 
