@@ -17,13 +17,14 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, positive, ratio
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.dilatancy.pair import ETA, FINE, WEIGHT, Reduced, ladder
+from cvxlimit.extensions.dilatancy.pair import ETA, FINE, WEIGHT, Reduced
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import standing
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded
+from cvxlimit.solvers import ladder_for
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ class Gilbert(Method):
             fictitious = self.cohesion * unit / mu  # A compression: friction makes a force of it.
         pressed: FloatArray | None = None
         for number in range(self.max_iterations + 1):
-            state, settings = run.try_solvers(problem.run, run.ladder or ladder(FINE))
+            state, settings = run.try_solvers(problem.run, run.ladder or ladder_for("pairs", FINE))
             change = run.change(state)
             run.note(state, settings, change=change)
             if state.forces is None or state.load_factor is None:

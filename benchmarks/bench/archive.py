@@ -24,7 +24,7 @@ from benchmarks.stability.families import sample, samples
 from cvxlimit import Scene
 from cvxlimit.cli.exporting import problem_of
 from cvxlimit.errors import CvxlimitError
-from cvxlimit.solvers.program import write_program
+from cvxlimit.solvers.writing import write_program
 
 GROWING = {
     21: "arch", 146: "tuff-wall", 500: "panel-500", 888: "s12-panel", 1906: "s10-panel",

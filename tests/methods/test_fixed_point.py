@@ -26,8 +26,7 @@ from cvxlimit.solvers import (
     SolverSettings,
     blockwise,
     default_ladder,
-    iterate_ladder,
-    leading_ladder,
+    ladder_for,
     run,
     settings_for,
 )
@@ -215,7 +214,7 @@ def test_refused_settings(settings: dict[str, float], message: str) -> None:
 def test_every_rung_has_a_budget() -> None:
     """No single solve of an iteration may run for ever: iterations of interior points, seconds of
     methods whose iterations are many (SCS once took eight minutes over one frozen problem)."""
-    for rung in (*iterate_ladder(), *default_ladder(), *leading_ladder(1_000)):
+    for rung in (*ladder_for("iterates"), *default_ladder(), *ladder_for("leading")):
         limits = {"max_iter", "max_iters", "time_limit_secs", "time_limit"} & set(rung.options)
         assert limits, rung
         if rung.name in ("SCS", "HIGHS"):

@@ -19,7 +19,8 @@ from cvxlimit.model.program import LimitProgram
 from cvxlimit.reductions.choice import ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import known
-from cvxlimit.solvers.program import FORMATS, ConeProgram, write_program
+from cvxlimit.solvers.program import ConeProgram
+from cvxlimit.solvers.writing import FORMATS, write_program
 from cvxlimit.surfaces.coulomb import SurfaceName, surfaces_of
 
 

@@ -23,7 +23,7 @@ from cvxlimit.readings.named import parse_moments
 from cvxlimit.readings.pressure import Pressure
 from cvxlimit.solution import Iterate, Iteration, Status
 from cvxlimit.solution.records import IN_A_ROW
-from cvxlimit.solvers import iterate_ladder
+from cvxlimit.solvers import default_ladder, ladder_for
 
 FORGOTTEN = 20
 """Solves after which the start counts as forgotten: with the paper's weight of 0.8 it has 1 % left
@@ -126,7 +126,8 @@ class FixedPoint(Method):
             return Status.DEAD_LOAD_UNSTABLE
         epsilon = self.epsilon * run.scaling.force / len(run.scene.free)
         blended = np.zeros((len(run.contacts), len(COLUMN)))
-        ladder = run.ladder or iterate_ladder(not self.regularisation)
+        purpose = "quadratic iterates" if self.regularisation else "iterates"
+        ladder = run.ladder or (*ladder_for(purpose), *default_ladder())
         small = 0  # small changes in a row
         for number in range(self.max_iterations):
             # Eq. 31 and 41: a convex problem with the eccentricities of the forces so far

@@ -17,10 +17,10 @@ A problem is made, solved and read in four stages:
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import cvxpy as cp
 import numpy as np
@@ -244,6 +244,13 @@ class LimitProgram:
         norms, the load factor, and what the goal adds."""
         written = self._in_rows[1]
         return written.at(written.theta.values())
+
+    def at(self, values: Mapping[str, Any]) -> Self:
+        """The problem at other ``values`` of its Parameters, by their names; zero where none is
+        given. It is stated once, and solvers that start warm go on from their last answer."""
+        for parameter in self._in_rows[1].theta.parameters():
+            parameter.value = np.broadcast_to(values.get(parameter.name(), 0.0), parameter.shape)
+        return self
 
     # 3. Solvers
 

@@ -12,15 +12,10 @@ from cvxlimit.solvers.ladders import (
     Shape,
     asked_ladder,
     blockwise,
-    clarabel_at,
     default_ladder,
-    iterate_ladder,
+    ladder_for,
     ladder_of,
-    leading_ladder,
     limit_ladder,
-    node_ladder,
-    tight_ladder,
-    warm_ladder,
 )
 from cvxlimit.solvers.running import LimitState, Outcome, run
 from cvxlimit.solvers.table import (
@@ -44,19 +39,14 @@ __all__ = [
     "asked_ladder",
     "blockwise",
     "check_installed",
-    "clarabel_at",
     "default_ladder",
     "installed",
-    "iterate_ladder",
+    "ladder_for",
     "ladder_of",
-    "leading_ladder",
     "limit_ladder",
-    "node_ladder",
     "run",
     "settings_for",
-    "tight_ladder",
     "versions",
-    "warm_ladder",
 ]
 
 

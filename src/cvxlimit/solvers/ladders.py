@@ -1,14 +1,16 @@
 """Ladders: in which order solvers are tried, one for each purpose.
 
-A ladder is gone down until an answer is certified. Figures behind the orders and tolerances here
-are in docs/evidence/solvers.md.
+:data:`LADDERS` has them all; :func:`ladder_for` returns those of a purpose that are here. A ladder
+is gone down until an answer is certified. Figures behind the orders and tolerances are in
+docs/evidence/solvers.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
@@ -24,74 +26,177 @@ from cvxlimit.solvers.table import (
 
 Ladder = tuple[SolverSettings, ...]
 
+ASKED = 0.0
+"""Stands in a rung for the tolerance that the caller asks for."""
 
-@dataclass(frozen=True)
-class LadderNumbers:
-    """The numbers behind the ladders; where each was measured is in docs/evidence/solvers.md."""
+LEADING = 1e-6
+"""Tolerance of problems that only lead the way, and the narrowest bracket that is asked of QOCO
+with cones: it often fails below."""
 
-    # Tolerance of QOCO on lean problems (:class:`Shape`), and residual of its search directions on
-    # others, ...
-    finest: float = 1e-10
-    refinements: int = 20  # ... which it refines in at most so many rounds.
-    # Tolerance of forces that count to 1e-9 of the load, of fixed-point iterates by Clarabel, and
-    # of the blockwise solver on small problems. There digits are cheap and Clarabel comes next:
-    # contacts of weak stone may be too large for the blockwise solver.
-    tight: float = 1e-9
-    tight_iterations: int = 100  # Most iterations at that tolerance.
-    # Tolerance of nodes of branch and bound, and of fixed-point iterates by the solver that starts
-    # warm, ...
-    node: float = 1e-8
-    # ... or this share of the width at which nodes are closed: at 1e-2 splits followed noise.
-    node_share: float = 1e-4
-    # Rounds of refinement of QOCO's directions in nodes: few, since bounds are checked outside.
-    node_refinements: int = 1
-    # Tolerance of problems that only lead the way, and the narrowest bracket that is asked of QOCO
-    # with cones.
-    leading: float = 1e-6
-    # Most iterations of such problems: those not solved in 60 were never solved later.
-    leading_iterations: int = 60
-    leads_from: int = 500  # From so many contacts on the blockwise solver leads the way, ...
-    # ... at this tolerance: looser ones take as long in all, and S12 ends 0.8 % wider.
-    leads: float = 1e-7
-    steps: float = 5e-6  # Tolerance of safe steps by the solver that starts warm, ...
-    steps_from: int = 200  # ... which comes first from so many contacts on.
-    enough: float = 1 / 3  # Gap of the blockwise solver, over the width of the bracket asked for.
+MANY = 500
+"""Contacts from which on nodes of branch and bound are left to our own solver and Clarabel."""
 
 
-NUMBERS = LadderNumbers()
+class Rung(NamedTuple):
+    """A solver on a ladder. Without a ``tolerance`` it has that of its row in the table of solvers,
+    without ``iterations`` as many as it takes; the ``label``, for the history, is given the
+    tolerance."""
 
-BLOCKWISE_FROM = {"conic": 100, "facets": 500, "lean": 1_000}
-"""From how many variables on the blockwise solver comes first, by the kind of problem. From the
-most of them on a problem is large; up to the fewest it is tiny, and Clarabel comes before QOCO."""
+    solver: str
+    tolerance: float | None = None
+    iterations: int | None = None
+    label: str = ""
+    options: Mapping[str, Any] = MappingProxyType({})
 
 
-def blockwise(
-    tolerance: float | None = None, label: str = "", iterations: int | None = None
-) -> Ladder:
+_OWN, _CLARABEL, _QOCO = "BLOCKWISE", "CLARABEL", "QOCO"
+_TOLD = {name: f"{name} {{:g}}" for name in (_OWN, _CLARABEL, _QOCO)}
+
+LADDERS: Mapping[str, tuple[Rung, ...]] = {
+    # Any problem: Clarabel, Clarabel in units of its own answer or of ours, which weights far apart
+    # need, and Clarabel at tighter tolerances. Every other solver follows (default_ladder).
+    "any": (
+        Rung(_CLARABEL),
+        Rung("RESCALED", label="CLARABEL rescaled"),
+        Rung("RESCALED", label="BLOCKWISE rescaled", options={"first": _OWN}),
+        Rung(
+            _CLARABEL, 1e-13, 500, "CLARABEL tight",
+            {"reduced_tol_feas": 1e-9, "iterative_refinement_max_iter": 50},
+        ),
+        Rung(_CLARABEL, 1e-12, 500, "CLARABEL unequilibrated", {"equilibrate_enable": False}),
+    ),
+    # Limit problems by size and kind (limit_ladder), those of any problem behind them. Ours is
+    # exact in equilibrium and strictly inside, so that on large problems its gap is the bracket; on
+    # smaller ones digits are cheap and Clarabel comes next, since contacts of weak stone may be too
+    # large for it. On tiny ones QOCO opens strong stone where Clarabel fails.
+    "large": (Rung(_OWN, ASKED), Rung(_OWN, label="BLOCKWISE tight"), Rung(_CLARABEL)),
+    "medium": (Rung(_OWN, ASKED), Rung(_CLARABEL), Rung(_OWN, label="BLOCKWISE tight")),
+    "small": (
+        Rung(_QOCO, ASKED, options={"ir_tol": 1e-10, "max_ir_iters": 20}),
+        Rung(_CLARABEL),
+        Rung(_OWN),
+    ),
+    "tiny": (Rung(_CLARABEL), Rung(_QOCO, ASKED), Rung(_OWN)),
+    "narrow": (Rung(_CLARABEL), Rung(_OWN)),
+    # Forces that count to 1e-9 of the load; ours takes half to a third of Clarabel's time.
+    "tight": (Rung(_OWN, 1e-9, 100), Rung(_CLARABEL, 1e-9, 100, _TOLD[_CLARABEL]), Rung(_CLARABEL)),
+    # Fixed-point iterates feed on the forces of the last: always the same solver first, for which
+    # of many possible forces are picked depends on it. Ours starts from the last, but takes linear
+    # objectives only.
+    "iterates": (Rung(_OWN, 1e-8, 100), Rung(_CLARABEL, 1e-9)),
+    "quadratic iterates": (Rung(_CLARABEL, 1e-9),),
+    # One of many problems whose answers are checked outside the solver: those not solved in 60
+    # iterations were never solved later, and first-order methods keep one busy for minutes. Ours
+    # takes as long in all at looser tolerances, and S12 ends 0.8 % wider.
+    "leading": (
+        Rung(_OWN, 1e-7, 60, _TOLD[_OWN]),
+        Rung(_QOCO, LEADING, 60, _TOLD[_QOCO]),
+        Rung(_CLARABEL, LEADING, 60, _TOLD[_CLARABEL]),
+    ),
+    # Safe steps, each from where the last one ended: strictly inside, so that bounds lose nothing.
+    "steps": (Rung(_OWN, 5e-6, 60, _TOLD[_OWN]),),
+    "held centres": (Rung(_OWN, 1e-8, 60, _TOLD[_OWN]),),
+    # Nodes of branch and bound. One that carries nothing has no forces as its answer, on which
+    # Clarabel fails; few refinements of QOCO's directions, since bounds are checked outside.
+    "nodes": (
+        Rung(_OWN, ASKED, 60),
+        Rung(_QOCO, 1e-8, 60, options={"max_ir_iters": 1}),
+        Rung(_CLARABEL, 1e-8),
+        Rung(_OWN, 1e-8),
+    ),
+    "nodes of many": (Rung(_OWN, 1e-8, 100), Rung(_CLARABEL, 1e-8)),
+    # Pairs of problems without dilatancy, each from the last one of its kind.
+    "pairs": (Rung(_OWN, ASKED), Rung(_CLARABEL, ASKED, label=_TOLD[_CLARABEL])),
+    # Iterates of paths, and their explicit steps, whose quadratic objectives Clarabel alone takes.
+    "paths": (Rung(_OWN, ASKED), Rung(_CLARABEL, 1e-12)),
+    "explicit steps": (Rung(_CLARABEL, 1e-9),),
+}  # fmt: skip
+"""The rungs of every purpose, in order."""
+
+
+def ladder_for(purpose: str, tolerance: float | None = None) -> Ladder:
+    """Returns the solvers of a purpose, a key of :data:`LADDERS`, that are here: installed, or
+    compiled if they are ours. ``tolerance`` is that of rungs which leave it to the caller.
+
+    >>> [str(settings) for settings in ladder_for("explicit steps")]
+    ['CLARABEL']
+    """
+    found: list[SolverSettings] = []
+    for rung in LADDERS[purpose]:
+        if _is_here(rung.solver) and _is_here(rung.options.get("first", rung.solver)):
+            asked = tolerance if rung.tolerance == ASKED else rung.tolerance
+            label = rung.label.format(asked)
+            found.append(SOLVERS[rung.solver].at(asked, label, rung.iterations, **rung.options))
+    return tuple(found)
+
+
+def _is_here(name: str) -> bool:
+    row = SOLVERS.get(name)
+    return row is not None and not row.lacks and (row.plug_in is not None or name in installed())
+
+
+def blockwise(tolerance: float | None = None) -> Ladder:
     """Returns a ladder with our own solver alone, or an empty one where it is not here or was not
     compiled."""
-    row = SOLVERS.get("BLOCKWISE")
-    if row is None or row.lacks:
-        return ()
-    return (row.at(tolerance, label, iterations),)
+    return (SOLVERS[_OWN].at(tolerance),) if _is_here(_OWN) else ()
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
-    """Returns solvers in order: Clarabel, Clarabel in units of its own answer, which weights far
-    apart need, Clarabel at tighter tolerances, and every other installed solver that takes the
-    problem."""
-    clarabel = SOLVERS["CLARABEL"]
+    """Returns the solvers for any problem: Clarabel with several settings, and then every other
+    installed solver that takes the problem."""
     others = [row for row in SOLVERS.values() if row.is_tried and row.name in installed()]
     return (
-        clarabel.at(),
-        settings_for("RESCALED", None, "CLARABEL rescaled"),
-        *(settings_for("RESCALED", None, f"{own} rescaled", first=str(own)) for own in blockwise()),
-        clarabel.at(
-            1e-13, "CLARABEL tight", 500, reduced_tol_feas=1e-9, iterative_refinement_max_iter=50
-        ),
-        clarabel.at(1e-12, "CLARABEL unequilibrated", 500, equilibrate_enable=False),
+        *ladder_for("any"),
         *(row.at() for row in others if row.has_cones or not is_conic),
     )
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The size of a compiled problem, as far as it matters for its solvers.
+
+    ``variables``, ``equations`` and ``cones`` (second-order) are counted, and ``rows``: linear
+    inequalities, signs among them.
+    """
+
+    variables: int
+    equations: int
+    cones: int
+    rows: int = 0
+
+    @property
+    def kind(self) -> str:
+        """The kind of problem: ``"conic"`` with cones, ``"lean"`` if it is linear with less than
+        1.5 rows per variable, otherwise ``"facets"``.
+
+        The octagon in space has 2.0, a planar scene 1.3.
+        """
+        if self.cones:
+            return "conic"
+        return "facets" if self.rows >= 1.5 * self.variables else "lean"
+
+
+BLOCKWISE_FROM = {"conic": 100, "facets": 500, "lean": 1_000}
+"""From how many variables on the blockwise solver comes first, by the kind of problem. From the
+most of them on a problem is large; up to the fewest it is tiny."""
+
+
+def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
+    """Returns the ladder for a limit problem, whose bracket is to be within ``tolerance``.
+
+    The blockwise solver comes first from as many variables on as it was measured to be faster,
+    third elsewhere; there QOCO leads, if it is installed and can be asked for such a bracket.
+    """
+    size, kind, asked = shape.variables, shape.kind, (1.0 / 3.0) * tolerance
+    if blockwise() and size >= BLOCKWISE_FROM[kind]:
+        is_large = size >= max(BLOCKWISE_FROM.values())
+        first = ladder_for("large", asked) if is_large else ladder_for("medium", min(asked, 1e-9))
+    elif kind != "lean" and tolerance < LEADING:
+        first = ladder_for("narrow")
+    else:
+        is_tiny = size <= BLOCKWISE_FROM["conic"]
+        first = ladder_for("tiny" if is_tiny else "small", 1e-10 if kind == "lean" else None)
+    return (*first, *default_ladder(shape.cones > 0)[1:])
 
 
 def ladder_of(
@@ -146,123 +251,3 @@ def asked_ladder(solver: Any, ladder: Any) -> Ladder | None:
     if not isinstance(solver, (str, SolverSettings, type)):
         raise ModelError(f"solver must be a name, got {solver!r}: write solver='CLARABEL'")
     return ladder_of([solver])
-
-
-def clarabel_at(*tolerances: float, iterations: int | None = None) -> Ladder:
-    """Returns Clarabel at each tolerance, for loops that compare one solve with the next."""
-    return tuple(
-        settings_for("CLARABEL", asked, f"CLARABEL {asked:g}", iterations=iterations)
-        for asked in tolerances
-    )
-
-
-def iterate_ladder(is_linear: bool = True) -> Ladder:
-    """The ladder for iterations that feed on the forces of their last solve: always the same solver
-    first, whatever else is installed, for which of many possible forces are picked depends on it.
-    Our own starts from the solve before; it takes linear objectives only.
-    """
-    own = blockwise(NUMBERS.node, iterations=NUMBERS.tight_iterations) if is_linear else ()
-    return (*own, settings_for("CLARABEL", NUMBERS.tight), *default_ladder())
-
-
-def leading_ladder(contacts: int = 0, tolerance: float = NUMBERS.leading) -> Ladder:
-    """The ladder for one of many problems on so many contacts whose answers are checked outside the
-    solver: a budget of iterations, and no first-order methods, which keep one problem busy for
-    minutes.
-    """
-    most = NUMBERS.leading_iterations
-    own = blockwise(NUMBERS.leads, f"BLOCKWISE {NUMBERS.leads:g}", most)
-    clarabel = clarabel_at(tolerance, iterations=most)
-    if "QOCO" not in installed():
-        return (*own, *clarabel)
-    qoco = settings_for("QOCO", tolerance, f"QOCO {tolerance:g}", iterations=most)
-    return (*own, qoco, *clarabel)
-
-
-def warm_ladder(contacts: int, tolerance: float = NUMBERS.steps) -> Ladder:
-    """Returns the first solver for steps that each start where the last one ended: our own solver,
-    on many contacts. Its answers are strictly inside, so that bounds lose nothing.
-    """
-    most = NUMBERS.leading_iterations
-    own = blockwise(tolerance, f"BLOCKWISE {tolerance:g}", most)
-    return own if contacts >= NUMBERS.steps_from else ()
-
-
-def node_ladder(contacts: int = 0, tolerance: float = 1e-4) -> Ladder:
-    """Returns the ladder for nodes of branch and bound that are closed at a relative width of
-    ``tolerance``.
-
-    On many contacts it is our own solver, then Clarabel. On fewer it is our own solver, QOCO where
-    it is installed, Clarabel, and our own solver again, more tightly: a node that carries nothing
-    has no forces as its answer, on which Clarabel fails.
-    """
-    most, few = NUMBERS.leading_iterations, NUMBERS.node_refinements
-    clarabel = settings_for("CLARABEL", NUMBERS.node)
-    if contacts >= NUMBERS.leads_from:
-        return (*blockwise(NUMBERS.node, iterations=NUMBERS.tight_iterations), clarabel)
-    asked = max(NUMBERS.node, NUMBERS.node_share * tolerance)
-    qoco = settings_for("QOCO", NUMBERS.node, iterations=most, max_ir_iters=few)
-    first, last = blockwise(asked, iterations=most), blockwise(NUMBERS.node)
-    return (*first, *((qoco,) if "QOCO" in installed() else ()), clarabel, *last)
-
-
-def tight_ladder() -> Ladder:
-    """Returns the ladder for forces that count to 1e-9 of the load. Our own solver comes first,
-    which takes half to a third of Clarabel's time."""
-    most = NUMBERS.tight_iterations
-    own = blockwise(NUMBERS.tight, iterations=most)
-    return (*own, *clarabel_at(NUMBERS.tight, iterations=most), *default_ladder()[:1])
-
-
-@dataclass(frozen=True)
-class Shape:
-    """The size of a compiled problem, as far as it matters for its solvers.
-
-    ``variables``, ``equations`` and ``cones`` (second-order) are counted, and ``rows``: linear
-    inequalities, signs among them.
-    """
-
-    variables: int
-    equations: int
-    cones: int
-    rows: int = 0
-
-    @property
-    def kind(self) -> str:
-        """The kind of problem: ``"conic"`` with cones, ``"lean"`` if it is linear with less than
-        1.5 rows per variable, otherwise ``"facets"``.
-
-        The octagon in space has 2.0, a planar scene 1.3.
-        """
-        if self.cones:
-            return "conic"
-        return "facets" if self.rows >= 1.5 * self.variables else "lean"
-
-
-def limit_ladder(shape: Shape, tolerance: float = 1e-5) -> Ladder:
-    """Returns the ladder for a limit problem: :func:`default_ladder` with two more solvers in it.
-
-    The blockwise solver comes first from as many variables on as it was measured to be faster,
-    third elsewhere; there QOCO leads, if it is installed. ``tolerance`` is the width of the bracket
-    that is asked for: with cones QOCO often fails below 1e-6.
-    """
-    # Large problems: the blockwise solver first.
-    first, *others = default_ladder(shape.cones > 0)
-    own, kind = blockwise(), shape.kind
-    if own and shape.variables >= BLOCKWISE_FROM[kind]:
-        # Its iterates satisfy equilibrium and are strictly inside, so that its gap is the bracket.
-        asked, tight = NUMBERS.enough * tolerance, replace(own[0], label="BLOCKWISE tight")
-        if shape.variables >= max(BLOCKWISE_FROM.values()):
-            return (*blockwise(asked), tight, first, *others)
-        return (*blockwise(min(asked, NUMBERS.tight)), first, tight, *others)
-    # Smaller ones without QOCO, or with a bracket that it often fails to reach: Clarabel first.
-    if not ("QOCO" in installed() and (kind == "lean" or tolerance >= NUMBERS.leading)):
-        return (first, *own, *others)
-    # Others: QOCO first, unless the problem is tiny: there it opens strong stone where Clarabel
-    # fails.
-    lean = NUMBERS.finest if kind == "lean" else None
-    if shape.variables <= BLOCKWISE_FROM["conic"]:
-        return (first, settings_for("QOCO", lean), *own, *others)
-    refined: dict[str, Any] = {"ir_tol": NUMBERS.finest, "max_ir_iters": NUMBERS.refinements}
-    quick = settings_for("QOCO", lean, **refined)
-    return (quick, first, *own, *others)

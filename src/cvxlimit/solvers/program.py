@@ -7,12 +7,9 @@ interface needs nothing else.
 
 from __future__ import annotations
 
-import io
-import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,8 +24,6 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import meant
-from cvxlimit.base.files import write_file
-from cvxlimit.errors import ModelError
 from cvxlimit.solvers.matrices import Matrices
 from cvxlimit.solvers.running import Outcome, attempted, run
 from cvxlimit.solvers.table import SolverSettings, options_of
@@ -98,31 +93,7 @@ class ConeProgram:
 
         def compiled() -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
             solver = SOLVER_MAP_CONIC[row.name] if row.plug_in is None else row.plug_in()
-            # Matrices and sizes of cones as CVXPY's interfaces take them, and what they need to
-            # read the answer.
-            p, rows = self.zero, len(self.right)
-            dims = SimpleNamespace(
-                zero=p, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]
-            )
-            data: dict[str, Any] = {
-                keys.C: self.cost,
-                ConicSolver.DIMS: dims,
-                "enough": self.enough,
-            }
-            data |= {keys.A: self.matrix, keys.B: self.right}
-            if self.quadratic is not None:
-                data[keys.P] = self.quadratic
-            if row.splits_equations:
-                by_row = self.matrix.tocsr()
-                data |= {keys.A: by_row[:p].tocsc(), keys.B: self.right[:p]}
-                data |= {keys.G: by_row[p:].tocsc(), keys.H: self.right[p:]}
-            inverse = {
-                ConicSolver.VAR_ID: 0,
-                ConicSolver.DIMS: dims,
-                ConicSolver.EQ_CONSTR: [_rows(p, "equations")],
-                ConicSolver.NEQ_CONSTR: [_rows(rows - p, "others")] if all_duals else [],
-                keys.OFFSET: 0.0,
-            }
+            data, inverse = self._for_cvxpy(row.splits_equations, all_duals)
             kept = cache if row.starts_warm else None
             starts = is_warm and kept is not None
             solve = partial(solver.solve_via_data, data, starts, settings.verbose, options, kept)
@@ -136,6 +107,32 @@ class ConeProgram:
         (x,) = solution.primal_vars.values()
         y = np.concatenate([np.ravel(part) for part in solution.dual_vars.values()])
         return outcome, np.asarray(x), y if all_duals else y[: self.zero]
+
+    def _for_cvxpy(
+        self, splits_equations: bool, all_duals: bool
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Returns matrices and sizes of cones as CVXPY's interfaces to solvers take them, and what
+        these need to read the answer."""
+        p, rows = self.zero, len(self.right)
+        dims = SimpleNamespace(
+            zero=p, nonneg=self.nonneg, soc=list(self.cones), exp=0, psd=[], p3d=[], pnd=[]
+        )
+        data: dict[str, Any] = {keys.C: self.cost, ConicSolver.DIMS: dims, "enough": self.enough}
+        data |= {keys.A: self.matrix, keys.B: self.right}
+        if self.quadratic is not None:
+            data[keys.P] = self.quadratic
+        if splits_equations:
+            by_row = self.matrix.tocsr()
+            data |= {keys.A: by_row[:p].tocsc(), keys.B: self.right[:p]}
+            data |= {keys.G: by_row[p:].tocsc(), keys.H: self.right[p:]}
+        inverse = {
+            ConicSolver.VAR_ID: 0,
+            ConicSolver.DIMS: dims,
+            ConicSolver.EQ_CONSTR: [_rows(p, "equations")],
+            ConicSolver.NEQ_CONSTR: [_rows(rows - p, "others")] if all_duals else [],
+            keys.OFFSET: 0.0,
+        }
+        return data, inverse
 
     def _solve_through_cvxpy(
         self, settings: SolverSettings
@@ -198,81 +195,3 @@ def _rows(count: int, of: str) -> Zero:
     """Returns a constraint of so many rows for interfaces, which ask only for its size, and which
     tell constraints apart by what they are: each kind has its own."""
     return Zero(cp.Variable(count))
-
-
-FORMATS = ("cbf", "mps", "npz")
-
-
-def write_program(
-    program: ConeProgram, path: str | os.PathLike[str], form: str, name: str,
-    remarks: Sequence[str] = (),
-) -> None:  # fmt: skip
-    """Writes a program in one of :data:`FORMATS`, with remarks as comments.
-
-    Raises
-    ------
-    ModelError
-        If the form is MPS, which has no cones, and the problem has some.
-    InputError
-        If the file cannot be written.
-    """
-    if form == "mps" and program.cones:
-        raise ModelError(
-            f"MPS has no second-order cones, {name} has {len(program.cones):,}: "
-            "choose --surface octagon or another polygon, or --format cbf"
-        )
-    if form == "npz":
-        write_file(Path(path), _packed(program, remarks))
-        return
-    starts, lines = ("#", _cbf(program)) if form == "cbf" else ("*", _mps(program, name))
-    text = "\n".join([*(f"{starts} {remark}" for remark in remarks), *lines])
-    write_file(Path(path), f"{text}\n".encode())
-
-
-def _packed(program: ConeProgram, remarks: Sequence[str]) -> bytes:
-    """Returns the program as a compressed file of NumPy arrays."""
-    file, a = io.BytesIO(), program.matrix
-    np.savez_compressed(
-        file, c=program.cost, b=program.right, data=a.data, indices=a.indices, indptr=a.indptr,
-        shape=a.shape, zero=program.zero, nonneg=program.nonneg,
-        cones=np.array(program.cones, dtype=np.int64), remarks=np.array(remarks),
-    )  # fmt: skip
-    return file.getvalue()
-
-
-def _cbf(program: ConeProgram) -> Iterator[str]:
-    """Yields lines of the Conic Benchmark Format, version 3, whose constraints are A x + b in K."""
-    cost, right, entries = program.cost, program.right, program.matrix.tocoo()
-    kinds = [("L=", program.zero), ("L+", program.nonneg), *(("Q", k) for k in program.cones)]
-    kinds = [(kind, size) for kind, size in kinds if size]
-    costs, rights = map(np.flatnonzero, (cost, right))
-    yield from ("VER", "3", "", "OBJSENSE", "MIN", "")
-    yield from ("VAR", f"{len(cost)} 1", f"F {len(cost)}", "")
-    yield from ("CON", f"{len(right)} {len(kinds)}")
-    yield from (f"{kind} {size}" for kind, size in kinds)
-    yield from ("", "OBJACOORD", str(len(costs)))
-    yield from (f"{j} {cost[j]:.17g}" for j in costs)
-    yield from ("", "ACOORD", str(entries.nnz))
-    for i, j, value in zip(entries.row, entries.col, entries.data, strict=True):
-        yield f"{i} {j} {-value:.17g}"
-    yield from ("", "BCOORD", str(len(rights)))
-    yield from (f"{i} {right[i]:.17g}" for i in rights)
-
-
-def _mps(program: ConeProgram, name: str) -> Iterator[str]:
-    """Yields lines of free MPS. Every variable is free, and the cost is row ``cost``."""
-    yield from (f"NAME {name}", "ROWS", " N cost")
-    for i in range(len(program.right)):
-        yield f" {'E' if i < program.zero else 'L'} r{i}"
-    yield "COLUMNS"
-    a = program.matrix
-    for j, cost in enumerate(program.cost):
-        if cost:
-            yield f" x{j} cost {cost:.17g}"
-        for k in range(a.indptr[j], a.indptr[j + 1]):
-            yield f" x{j} r{a.indices[k]} {a.data[k]:.17g}"
-    yield "RHS"
-    yield from (f" RHS r{i} {program.right[i]:.17g}" for i in np.flatnonzero(program.right))
-    yield "BOUNDS"
-    yield from (f" FR BND x{j}" for j in range(len(program.cost)))
-    yield "ENDATA"

@@ -115,11 +115,6 @@ _ROWS = (
            is_tried=True, takes_matrices=True),
     Solver("CVXOPT", tolerances=("abstol", "reltol", "feastol")),
     Solver("CUOPT", tolerances=("optimality",)),  # of cones CVXPY gets no duals
-    # Of others CVXPY knows all but what they are installed as.
-    *(Solver(name, distribution=brings) for brings, names in {
-        "coptpy": ["COPT"], "cvxopt": ["GLPK", "GLPK_MI"], "ortools": ["GLOP", "PDLP"],
-        "pyscipopt": ["SCIP"],
-    }.items() for name in names),
 )  # fmt: skip
 
 SOLVERS: Mapping[str, Solver] = Door("cvxlimit.solvers", {row.name: row for row in _ROWS})

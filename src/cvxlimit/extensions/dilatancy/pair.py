@@ -25,7 +25,6 @@ and only if the load factor with their friction held is their own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -44,7 +43,7 @@ from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.reductions.choice import Reductions, contacts_of
-from cvxlimit.solvers import LimitState, SolverSettings, blockwise, clarabel_at
+from cvxlimit.solvers import LimitState, SolverSettings, ladder_for
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
 
@@ -153,28 +152,28 @@ class Pair:
             self._reduced = reduced = Reduced(run, search, is_symmetric)
             self._kept, self._lift = reduced.kept, reduced.lift
             self.slip = HeldFlow(reduced.surfaces, run.assemblage.contacts)
-            self._price, self._pressed = (cp.Parameter(len(self._kept)) for _ in range(2))
-            self._most = cp.Parameter()
-            self._priced = reduced.problem(Priced(self._price, self._most))
+            k = len(self._kept)
+            goal = Priced(cp.Parameter(k, name="price"), cp.Parameter(name="most"))
+            self._pressed = cp.Parameter(k, name="pressed")
+            self._priced = reduced.problem(goal).at({"most": 1.0})
             self._held = reduced.held(self._pressed)
-            self._price.value, self._most.value = np.zeros(len(self._kept)), 1.0
             self.has_cones = self._priced.shape.cones > 0
 
     def priced(self, price: FloatArray, tolerance: float, cap: float = np.inf) -> LimitState:
         """Solves for the largest load factor, up to a ``cap``, less prices (n,) times compressions,
         and returns the state."""
         unit = self.run.scaling.load_factor(1.0)
-        self._most.value = min(cap / unit, _NO_CAP)
-        self._price.value = self.run.scaling.live * (self._lift.T @ price)
-        state, settings = self._solved(self._priced, tolerance)
+        scaled = self.run.scaling.live * (self._lift.T @ price)
+        problem = self._priced.at({"most": min(cap / unit, _NO_CAP), "price": scaled})
+        state, settings = self._solved(problem, tolerance)
         self.run.note(state, f"{settings}, compressions priced")
         return state
 
     def held(self, pressed: FloatArray, tolerance: float) -> LimitState:
         """Solves with friction held at compressions (n,), and returns the state with its load
         factor and mechanism."""
-        self._pressed.value = np.maximum(pressed, 0.0)[self._kept]
-        state, settings = self._solved(self._held, tolerance)
+        problem = self._held.at({"pressed": np.maximum(pressed, 0.0)[self._kept]})
+        state, settings = self._solved(problem, tolerance)
         self.run.note(replace(state, load_factor=None), f"{settings}, friction held")
         return state
 
@@ -188,8 +187,8 @@ class Pair:
         about = pressed(state)
         for _ in range(min(most, ROTATIONS)):
             before = state.load_factor
-            self._pressed.value = (1.0 + ETA) * np.maximum(about, 0.0)[self._kept]
-            state, settings = self._solved(self._rotated, FINE)
+            inside = (1.0 + ETA) * np.maximum(about, 0.0)[self._kept]
+            state, settings = self._solved(self._rotated.at({"pressed": inside}), FINE)
             self.run.note(replace(state, load_factor=None), f"{settings}, cones rotated")
             if state.forces is None or state.load_factor is None:
                 return None
@@ -204,7 +203,7 @@ class Pair:
 
     def _solved(self, problem: LimitProgram, tolerance: float) -> tuple[LimitState, SolverSettings]:
         self.solved += 1
-        return self.run.try_solvers(problem.run, self.run.ladder or ladder(tolerance))
+        return self.run.try_solvers(problem.run, self.run.ladder or ladder_for("pairs", tolerance))
 
     def dilatancy(self, mechanism: FloatArray) -> FloatArray:
         """Returns the price (n,) of a mechanism (free, 6): the opening that dilatancy would add to
@@ -212,11 +211,6 @@ class Pair:
         statics = self.run.assemblage.statics
         unit = mechanism / float(statics.live @ mechanism.ravel())
         return self.slip.dilatancy(self.slip.shortfall(statics.relative_rates(unit)))
-
-
-def ladder(tolerance: float) -> Sequence[SolverSettings]:
-    """Returns our own solver, which starts warm, and Clarabel for where it fails."""
-    return (*blockwise(tolerance), *clarabel_at(tolerance))
 
 
 def pressed(state: LimitState) -> FloatArray:

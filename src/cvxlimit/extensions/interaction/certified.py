@@ -39,7 +39,7 @@ from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import Bracket
-from cvxlimit.solvers import default_ladder, leading_ladder
+from cvxlimit.solvers import default_ladder, ladder_for
 
 STARTS = ("relaxation", "middle", "boxes")
 """Names of the places where safe steps begin."""
@@ -174,7 +174,7 @@ class _Proof:
 
     def __init__(self, rule: Certified, run: Run) -> None:
         self.rule, self.run = rule, run
-        self.ladder = run.ladder or (*leading_ladder(len(run.contacts)), *default_ladder()[:2])
+        self.ladder = run.ladder or (*ladder_for("leading"), *default_ladder()[:2])
         self._seen: Answer | None = None  # proved as it can be
         self.is_standing_open = False
         self._at_rest: FloatArray | None = None  # forces that carry the dead load alone

@@ -25,6 +25,7 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.extensions.interaction.states.settings import SUPPORT
 from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.extensions.interaction.states.support import (
+    DIGITS,
     Asked,
     box_keys,
     corner_support,
@@ -101,7 +102,7 @@ class InteractionFlow:
 
     def shortfall_bound(self, rates: FloatArray) -> FloatArray:
         """Returns upper bounds (n,) on shortfalls, without a search over pressure centres."""
-        return self._support(-rates, 0)[0]
+        return self._support(-rates, halvings=0)[0]
 
     def worst(self, rates: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Returns the shortfalls (n,) of rates (n, 6), the pressure centres (n, 2) of the states
@@ -109,7 +110,7 @@ class InteractionFlow:
         NaN where they are not known, arms where they are the centre's own."""
         if not np.array_equal(rates, self._last_rates):
             floor = rates[:, COLUMN["N"]] if self.is_coarse else None  # a shortfall of zero
-            self._last_worst = self._support(-rates, SUPPORT.halvings, floor)
+            self._last_worst = self._support(-rates, floor)
             self._last_rates = rates.copy()
         return self._last_worst
 
@@ -123,7 +124,7 @@ class InteractionFlow:
         keys = box_keys(self.boxes, self.contact_number)
         if new := [k for k, key in enumerate(keys) if key not in known.missing]:
             rows = np.array(new)
-            found = self.of(rows)._support(-rates[rows], SUPPORT.halvings)[0].tolist()
+            found = self.of(rows)._support(-rates[rows])[0].tolist()
             known.missing |= zip((keys[k] for k in new), found, strict=True)
         return Shortfall(np.array([known.missing[key] for key in keys]), np.zeros(0))
 
@@ -163,7 +164,9 @@ class InteractionFlow:
         for flow, own_rates, missing, centre, arm in zip(flows, rates, *found, strict=True):
             flow._last_rates, flow._last_worst = own_rates.copy(), (missing, centre, arm)
 
-    def _support(self, w: FloatArray, halvings: int, floor: FloatArray | None = None) -> _Worst:
+    def _support(
+        self, w: FloatArray, floor: FloatArray | None = None, halvings: int = DIGITS
+    ) -> _Worst:
         """Returns the largest power (n,) of states with N = 1 on rates w (n, 6), where it lies
         (n, 2), and the arms (n,) there. The search over pressure centres halves pieces so many
         times at most; powers below ``floor`` (n,), those of N left out, need not be close."""
@@ -171,14 +174,14 @@ class InteractionFlow:
         arm, friction = np.full(len(w), np.nan), self.contacts.friction
         least = np.full(len(w), -np.inf) if floor is None else floor
         precision = 0.0 if floor is None else self.precision
-        asked = Asked(w, self.half_sides, friction, self.boxes, least, precision)
+        asked = Asked(w, self.half_sides, friction, self.boxes, least, precision, halvings)
         if len(rows := self._corners):
             power[rows] = corner_support(w, self.contacts)[rows]
         if len(rows := self._rectangles):
-            power[rows], centre[rows] = states_of(self.moments).support(asked.take(rows), halvings)
+            power[rows], centre[rows] = states_of(self.moments).support(asked.take(rows))
         if len(self._cells):
             rows = np.unique(self._cells.contact)
-            most, where = states_of(self.moments).cell_support(asked, self._cells, halvings)
+            most, where = states_of(self.moments).cell_support(asked, self._cells)
             # Equal polygons share their cells up to rounding: what a cell may end short of its
             # polygon adds to the power.
             moments = np.abs(w[:, COLUMN["M1"]]) + np.abs(w[:, COLUMN["M2"]])

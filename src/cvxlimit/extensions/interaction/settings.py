@@ -106,6 +106,8 @@ class BranchSettings:
     precision: float = 1e-4
     # Share of a range by which it is widened for its bound, where the bound did not close the node.
     widened: float = 0.03
+    # Tolerance of its solver, over the relative tolerance: at 1e-2 splits followed noise.
+    solved: float = 1e-4
     # Price at which any share of the dead load may be taken off, over the root's bound. It gives
     # every relaxation a solution, and so closes nodes without states.
     price: float = 10.0

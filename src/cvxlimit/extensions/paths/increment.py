@@ -30,7 +30,7 @@ A(q)                            equilibrium at the pose q; A'd are relative disp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
@@ -51,13 +51,14 @@ from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Actions, Load
-from cvxlimit.solvers import Outcome, SolverSettings, blockwise, settings_for
+from cvxlimit.solvers import Outcome, ladder_for
 from cvxlimit.solvers.matrices import Point
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces import Rocking
 from cvxlimit.surfaces.base import CONSTANT, Condition, Norm, product
 
-LADDER = (*blockwise(1e-12), settings_for("CLARABEL", 1e-12))
+FINE = 1e-12
+"""Tolerance of a problem without gaps."""
 
 _GAP = 1e-11
 """Relative gap of an iterate, for each of its points: 1e-17 of weight times contact size, since
@@ -327,19 +328,19 @@ class Increment:
         """Returns the answer, or the last solver's outcome if none has one. With ``push`` None it
         is the largest load factor, and d is a rate."""
         if push is None:
-            return self._run(self.problem(), LADDER)
-        return self._run(self.problem(self._given(push, self.points.gap)), self._ladder, near)
+            return self._run(self.problem(), FINE)
+        return self._run(self.problem(self._given(push, self.points.gap)), self._fine, near)
 
     def priced(self, push: float, slides: FloatArray) -> Found | Outcome:
         """Returns forces without dilatancy, for slips of the sizes ``slides`` (k,)."""
         gap = self.points.gap + self.points.friction * slides
-        return self._run(self.problem(self._given(push, gap)), self._ladder)
+        return self._run(self.problem(self._given(push, gap)), self._fine)
 
     def held(self, push: float, n: FloatArray) -> Found | Outcome:
         """Returns displacements without dilatancy, with friction limited by compressions ``n``
         (k,)."""
         goal = self._given(push, self.points.gap)
-        return self._run(self.problem(goal, np.maximum(n, 0.0)), self._ladder)
+        return self._run(self.problem(goal, np.maximum(n, 0.0)), self._fine)
 
     def rates_without_dilatancy(
         self, push: float, enough: float, most: int = 20
@@ -379,17 +380,16 @@ class Increment:
         return shear_scale(self.points.friction, self.points.cohesion)
 
     @property
-    def _ladder(self) -> tuple[SolverSettings, ...]:
-        """The solvers of an iterate, the last of which is Clarabel."""
-        return (*blockwise(max(_GAP * len(self.points), 1e-12)), LADDER[-1])
+    def _fine(self) -> float:
+        return max(_GAP * len(self.points), FINE)
 
     def _run(
-        self, problem: LimitProgram, ladder: Sequence[SolverSettings], near: Near | None = None
+        self, problem: LimitProgram, tolerance: float, near: Near | None = None
     ) -> Found | Outcome:
         scaling, scale, program = self.assemblage.scaling, self._scale, problem.program
         is_near = near is not None and not self.points.is_bound
         memory: dict[str, Any] = {"starts": near.starts(program) if near and is_near else []}
-        for settings in ladder:
+        for settings in ladder_for("paths", tolerance):
             outcome, x, y = program.solve(settings, memory, is_warm=False)
             state = problem.state(outcome, x, y)
             if y is not None and state.mechanism is not None and state.internal is not None:

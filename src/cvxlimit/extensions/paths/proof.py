@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.extensions.paths.configuration import CLOSED, Flow, Points
-from cvxlimit.extensions.paths.increment import LADDER, Increment, Loads, point_forces
+from cvxlimit.extensions.paths.increment import FINE, Increment, Loads, point_forces
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.model.assemblage import Balance
 from cvxlimit.model.statement import Stated, largest_self_stress
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Bracket
-from cvxlimit.solvers import LimitState
+from cvxlimit.solvers import LimitState, ladder_for
 from cvxlimit.surfaces import Rocking
 
 
@@ -92,7 +92,7 @@ def _deepest(stated: Stated, given: Increment) -> Any:
 
 def _run(given: Increment, goal: Any = None) -> LimitState | None:
     problem = given.problem() if goal is None else given.problem(goal)
-    for settings in LADDER:
+    for settings in ladder_for("paths", FINE):
         state = problem.run(settings)
         if state.internal is not None:
             return state

@@ -35,9 +35,9 @@ from cvxlimit.extensions.paths.increment import Ahead, Increment
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.extensions.paths.path import LEVEL_FOR, Ending
 from cvxlimit.extensions.paths.resting import FARTHEST, REACH, At
+from cvxlimit.model.sinks import Form, Rows
 from cvxlimit.model.statics import DOF
-from cvxlimit.solvers import settings_for
-from cvxlimit.solvers.program import ConeProgram
+from cvxlimit.solvers import ladder_for
 
 RHO = 1e-3
 """What moving costs: this share of the weight for each contact size, in every block's own share. It
@@ -51,8 +51,6 @@ _CLOSING = 0.2
 
 _PAIRS = 2
 """Pairs of the two problems without dilatancy; one leaves d0 of a dome a third too low."""
-
-_SETTINGS = settings_for("CLARABEL", 1e-9)
 
 
 class Proximal:
@@ -106,19 +104,15 @@ class Proximal:
 
     def _priced(self, push: float, slides: FloatArray) -> Ahead | None:
         k, h, mu = len(self.points), len(self.bears), self.points.friction
+        into, d, over, goal = self._begun(push)
         far = self.gap + mu * slides / self.scaling.length
-        none = sp.csr_array((k, h))
-        tangents = [sp.hstack([sp.diags_array(-mu) @ along, none]) for along in self.along]
-        rows = [
-            *self._first_rows(), *_cones(sp.hstack([-self.normal, -self.overrun]), *tangents)
-        ]  # fmt: skip
-        right = np.concatenate(
-            [[self._way(push)], np.zeros(h), _interleaved(far, 0 * far, 0 * far)]
-        )
-        answer = self._solved(rows, right, np.append(-self.dead, self.bears), h, k)
+        opening = self.normal @ d + self.overrun @ over + far
+        into.cone(opening, [mu * (along @ d) for along in self.along])
+        answer = self._solved(into, goal)
         if answer is None:
             return None
-        d, duals = answer[0][: len(self.dead)], answer[1]
+        x, duals = answer
+        # Multipliers: the live load's of its way, contact forces of the cones.
         each = duals[1 + h :].reshape(k, 3) * np.stack([np.ones(k), mu, mu], axis=1)
         forces, factor = each * self.scaling.force, self.scaling.load_factor(-duals[0])
         contact = np.zeros((k, DOF))
@@ -126,61 +120,40 @@ class Proximal:
         left = self.statics.residual(contact, factor) / self.scaling.force
         left[:, 3:] /= self.scaling.length
         forces[:, 0] += self.points.least
-        return Ahead(factor, forces, self._displacement(d), float(np.abs(left).max()))
+        return Ahead(factor, forces, self._displacement(x), float(np.abs(left).max()))
 
     def _held(self, push: float, n: FloatArray) -> FloatArray | None:
         """Returns displacements with friction held at compressions ``n`` (k,)."""
-        k, h, m = len(self.points), len(self.bears), len(self.dead)
-        none, unit = sp.csr_array((k, k)), sp.csr_array(sp.eye_array(k))
-        slips = [sp.hstack([-along, sp.csr_array((k, h + k))]) for along in self.along]
-        rows = [
-            *(sp.hstack([row, sp.csr_array((row.shape[0], k))]) for row in self._first_rows()),
-            sp.hstack([-self.normal, -self.overrun, none]),
-            *_cones(sp.hstack([sp.csr_array((k, m + h)), -unit]), *slips),
-        ]  # fmt: skip
-        right = np.concatenate([[self._way(push)], np.zeros(h), self.gap, np.zeros(3 * k)])
+        into, d, over, goal = self._begun(push)
+        slip = into.new(len(self.points))
+        into.nonneg(self.normal @ d + self.overrun @ over + self.gap)
+        into.cone(slip, [along @ d for along in self.along])
         held = self.points.friction * np.maximum(n, 0.0) / self.scaling.force
-        cost = np.concatenate([-self.dead, self.bears, held])
-        answer = self._solved(rows, right, cost, h + k, k)
-        return None if answer is None else self._displacement(answer[0][:m])
+        answer = self._solved(into, goal - held[None] @ slip)
+        return None if answer is None else self._displacement(answer[0])
 
-    def _first_rows(self) -> list[sp.csr_array]:
-        """Returns rows of the live load's way, and of o >= 0, on d and o."""
-        h, m = len(self.bears), len(self.dead)
-        zero = sp.csr_array((1, h)), sp.csr_array((h, m))
-        return [
-            sp.hstack([self.live, zero[0]]), sp.hstack([zero[1], -sp.csr_array(sp.eye_array(h))])
-        ]  # fmt: skip
+    def _begun(self, push: float) -> tuple[Rows, Form, Form, Form]:
+        """Returns a sink in which blocks go by d and overrun o >= 0, so that the live load does the
+        work ``push``; d and o; and what is maximised but for the cost of moving."""
+        into = Rows()
+        d, over = into.new(len(self.dead)), into.new(len(self.bears), nonneg=True)
+        into.zero(self.live @ d - push / (self.scaling.live * self.scaling.length))
+        return into, d, over, self.dead[None] @ d - self.bears[None] @ over
 
-    def _solved(
-        self, rows: list[sp.csr_array], right: FloatArray, cost: FloatArray, nonneg: int, cones: int
-    ) -> tuple[FloatArray, FloatArray] | None:
-        matrix = sp.csc_array(sp.vstack(rows))
-        costs = np.append(self.mass, np.zeros(len(cost) - len(self.mass)))
-        program = ConeProgram(
-            cost, matrix, right, 1, nonneg, (3,) * cones, quadratic=sp.csc_array(sp.diags(costs))
-        )
-        _, x, duals = program.solve(_SETTINGS, all_duals=True)
+    def _solved(self, into: Rows, goal: Form) -> tuple[FloatArray, FloatArray] | None:
+        """Returns the unknowns and all multipliers of what was stated; None without an answer."""
+        costs = np.append(self.mass, np.zeros(into.width - len(self.mass)))
+        quadratic = sp.csc_array(sp.diags_array(costs))
+        program = replace(into.written(goal).program, quadratic=quadratic)
+        (settings,) = ladder_for("explicit steps")
+        _, x, duals = program.solve(settings, all_duals=True)
         return None if x is None or duals is None else (x, duals)
 
-    def _way(self, push: float) -> float:
-        """Returns the live load's way in units of the scaling."""
-        return push / (self.scaling.live * self.scaling.length)
-
-    def _displacement(self, d: FloatArray) -> FloatArray:
-        each = d.reshape(-1, DOF) * self.scaling.length
+    def _displacement(self, x: FloatArray) -> FloatArray:
+        """Returns d (free blocks, 6), the first of the unknowns."""
+        each = x[: len(self.dead)].reshape(-1, DOF) * self.scaling.length
         each[:, 3:] /= self.scaling.length
         return each
-
-
-def _cones(*parts: sp.csr_array) -> list[sp.csr_array]:
-    """Returns rows (3 k, n) of k cones of three entries, of which each part (k, n) is one."""
-    k = parts[0].shape[0]
-    return [sp.csr_array(sp.vstack(parts))[np.arange(3 * k).reshape(3, k).T.ravel()]]
-
-
-def _interleaved(*parts: FloatArray) -> FloatArray:
-    return np.stack(parts, axis=1).ravel()
 
 
 def go_on(walk: Walk, until: float, is_level: Callable[[], bool]) -> tuple[Ending, str] | None:

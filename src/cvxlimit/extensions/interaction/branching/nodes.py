@@ -14,7 +14,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.interaction.flow import InteractionFlow
-from cvxlimit.extensions.interaction.relaxation.column_blocks import ColumnBlock, Halfway, Key
+from cvxlimit.extensions.interaction.relaxation.column_blocks import ColumnBlock, Halfway
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem, HullState
 from cvxlimit.extensions.interaction.relaxation.upper import priced_disjuncts
 from cvxlimit.extensions.interaction.settings import BRANCH
@@ -26,7 +26,8 @@ from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import centres
-from cvxlimit.solvers import SolverSettings, node_ladder, tight_ladder
+from cvxlimit.solvers import SolverSettings, ladder_for
+from cvxlimit.solvers.ladders import MANY
 from cvxlimit.surfaces import Rocking
 
 
@@ -69,7 +70,7 @@ class Node:
 
     def without(self, *contacts: int) -> tuple[ColumnBlock, ...]:
         """Returns the added disjuncts of all but these contacts."""
-        return tuple(piece for piece in self.added if piece.members.key[0] not in contacts)
+        return tuple(piece for piece in self.added if piece.members.contact[0] not in contacts)
 
 
 @dataclass(frozen=True)
@@ -114,8 +115,10 @@ class Relaxer:
         tolerance: float = 1e-4,
     ) -> None:
         self.moments, self.contacts = moments, assemblage.contacts
-        self.ladder = tuple(ladder or node_ladder(len(self.contacts), tolerance))
-        self.tight = tuple(ladder or tight_ladder())
+        purpose = "nodes of many" if len(self.contacts) >= MANY else "nodes"
+        closest = max(1e-8, BRANCH.solved * tolerance)
+        self.ladder = tuple(ladder or ladder_for(purpose, closest))
+        self.tight = tuple(ladder or ladder_for("tight"))
         self.flow = InteractionFlow(self.contacts, moments)
         self.certifier = Certifier(assemblage, (Rocking(),), flow=self.flow)
         if opening is not None:
@@ -126,7 +129,7 @@ class Relaxer:
         self.solvers: set[str] = set()
         self.closed = -np.inf
         self.experience = Experience(len(self.contacts))
-        self._pieces: dict[Key, ColumnBlock] = {}
+        self._pieces: dict[tuple[int, bytes], ColumnBlock] = {}
 
     def __call__(self, task: tuple[Sequence[Node], Goal]) -> Explored:
         """Explores nodes for a goal."""
@@ -199,7 +202,8 @@ class Relaxer:
             boxes = np.frombuffer(b"".join(ends for _, ends in new)).reshape(-1, 2, 2)
             disjuncts = states_of(self.moments).box_disjuncts(self.contacts.take(rows), boxes)
             unit = disjuncts.contact
-            found = self.problem.column_blocks(replace(disjuncts, contact=rows[unit]), unit, new)
+            disjuncts = replace(disjuncts, contact=rows[unit])
+            found = self.problem.column_blocks(disjuncts, unit, len(new))
             self._pieces.update(zip(new, found, strict=True))
         return [[self._pieces[key] for key in each] for each in keys]
 

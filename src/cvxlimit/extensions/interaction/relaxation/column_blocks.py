@@ -12,7 +12,7 @@ one block after the other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from typing import NamedTuple
@@ -22,27 +22,22 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.model.sinks import Rows
+from cvxlimit.model.sinks import Form, Rows
 from cvxlimit.solvers.matrices import Point
 
 Entry = tuple[IntArray, IntArray, FloatArray]
 """Rows, columns and values of a sparse matrix."""
 
-Key = tuple[int, bytes]
-"""The name of a block: its contact, -1 for none, and the names of its disjuncts."""
-
 
 class Members(NamedTuple):
     """What the columns, lines and cones of a block belong to.
 
-    Blocks with equal keys are equal. ``names`` are the names of the block's disjuncts, whose first
-    bytes are their contact. ``columns``, ``lines`` and ``cones`` hold a label for each column, line
-    and cone: its kind (0 for the first call that stated some, 1 for the next, and so on) and the
-    number of its disjunct in the block, as :func:`_labels` packs them.
+    ``contact`` (d,) are the contacts of the block's disjuncts, -1 for what is no contact's. The
+    others (2, k) say of each column, line and cone which call stated it (0 for the first one that
+    stated some, and so on), and which disjunct of the block it is of.
     """
 
-    key: Key
-    names: list[bytes]
+    contact: IntArray
     columns: IntArray
     lines: IntArray
     cones: IntArray
@@ -84,90 +79,104 @@ class Halfway:
 
 
 def cut(
-    keys: Sequence[Key],
-    unit: IntArray,
-    names: Sequence[bytes],
-    kinds: tuple[list[IntArray], list[IntArray], list[IntArray]],
     stated: Rows,
+    owners: list[IntArray],
     forces: Entry,
+    contact: IntArray,
+    unit: IntArray,
+    count: int,
 ) -> list[ColumnBlock]:
-    """Cuts a statement into blocks, and returns one for each key.
+    """Cuts a statement into ``count`` blocks.
 
     Parameters
     ----------
-    keys : sequence of Key
-        Names of the blocks.
-    unit : (k,) array of int
-        Block of each of the k disjuncts.
-    names : sequence of bytes
-        Names of the disjuncts.
-    kinds : three lists of int arrays
-        The disjuncts of all columns, of all lines and of all cones, one array for each call that
-        stated some.
     stated : Rows
-        The statement.
+        The statement, no limit or cone of which has columns of two disjuncts.
+    owners : list of int arrays
+        The disjuncts of all columns, one array for each call that stated some.
     forces : Entry
         The map from the statement's columns to contact forces.
+    contact, unit : (d,) arrays of int
+        Contact and block of each disjunct.
     """
-    # Columns, lines, cones and disjuncts sorted by block: the new place of each, and where the
-    # blocks start. ``first`` is the first row of each kind.
-    equations = sum(form.size for form in stated.equations)
-    of = [unit[np.concatenate(each)] for each in kinds]
-    places, starts = zip(*(_grouped(each, len(keys)) for each in (*of, unit)), strict=True)
-    (column, line, cone, disjunct), first = places, np.cumsum([0, equations, len(of[1])])
-    # The statement's matrix with rows and columns in their new places.
-    triples = first[2] + (3 * cone[:, None] + np.arange(3)).ravel()
-    at = np.concatenate([np.arange(equations), equations + line, triples])
-    entries, _ = stated.entries()
-    every = [(at[rows], column[columns], values) for rows, columns, values, _ in entries]
-    matrix = stacked(every, (len(at), len(column)))
-    # Each entry's row, numbered within its kind and block.
-    counts = np.diff(matrix.indptr)
-    kind = np.searchsorted(first, matrix.indices, side="right") - 1
-    before = np.stack([np.zeros(len(keys), dtype=int), starts[1][:-1], 3 * starts[2][:-1]])
-    rows = matrix.indices - first[kind] - before[kind, np.repeat(np.sort(of[0]), counts)]
-    kind = kind.astype(np.int8)
-    # The entries of the map to forces, sorted by block, their columns numbered within the block.
-    force_rows, columns, values = forces
-    block = of[0][columns]
+    # The new places of columns, lines, cones and disjuncts, and where the blocks start.
+    of_column = np.concatenate(owners)
+    limits = stated.linear, [cone[0] for cone in stated.cones]
+    rows_of = [[_owner(form, of_column) for form in forms] for forms in limits]
+    kinds = [_labels(each) for each in (owners, *rows_of)]
+    every = [*(unit[owner] for _, owner in kinds), unit]
+    places, starts = zip(*(_grouped(each, count) for each in every), strict=True)
+    # Labels in these places, disjuncts numbered within their block.
+    number = places[3] - starts[3][unit]
+    labels = [np.empty_like(label) for label in kinds]
+    for label, (kind, owner), place in zip(labels, kinds, places[:3], strict=True):
+        label[:, place] = kind, number[owner]
+    contact = contact[np.argsort(places[3])]
+    # Entries of the matrix, and of the map to forces, sorted by block.
+    indptr, data, row, row_kind = _entries(stated, places, starts, every[0])
+    counts = np.diff(indptr)
+    rows, columns, values = forces
+    block = every[0][columns]
     order = np.argsort(block, kind="stable")
-    force_rows, values = force_rows[order], values[order]
-    columns = (column[columns] - starts[0][block])[order]
-    inner = np.searchsorted(block[order], np.arange(len(keys) + 1))
-    # Labels of columns, lines and cones, and names of disjuncts, sorted by block.
-    labels = [
-        _labels(each, disjunct - starts[3][unit], place)
-        for each, place in zip(kinds, places[:3], strict=True)
-    ]
-    sorted_names = [names[k] for k in np.argsort(disjunct).tolist()]
+    columns = (places[0][columns] - starts[0][block])[order]
+    inner = np.searchsorted(block[order], np.arange(count + 1))
+    force = rows[order], columns, values[order]
     # Each block's slices of columns, lines, cones, disjuncts, entries and force entries.
     slices = [
         [slice(*ends) for ends in pairwise(each.tolist())]
-        for each in (*starts, matrix.indptr[starts[0]], inner)
+        for each in (*starts, indptr[starts[0]], inner)
     ]
     return [
         ColumnBlock(
-            Members(key, sorted_names[d], labels[0][a], labels[1][b], labels[2][c]),
-            counts[a], matrix.data[e], rows[e], kind[e], (force_rows[f], columns[f], values[f]),
+            Members(contact[d], labels[0][:, a], labels[1][:, b], labels[2][:, c]),
+            counts[a], data[e], row[e], row_kind[e], (force[0][f], force[1][f], force[2][f]),
         )
-        for key, a, b, c, d, e, f in zip(keys, *slices, strict=True)
+        for a, b, c, d, e, f in zip(*slices, strict=True)
     ]  # fmt: skip
 
 
-_CONTACT = 8
-"""The first bytes of a disjunct's name, which are its contact."""
-
-_KIND = 1 << 24
-"""A number larger than that of the disjuncts of any problem. A label is a kind times this number,
-plus the number of a disjunct."""
-
-
-def _labels(kinds: list[IntArray], disjunct: IntArray, place: IntArray) -> IntArray:
-    """Returns the labels of columns, lines or cones in their new places: ``kinds`` holds the
-    disjuncts of each kind, ``disjunct`` the number of each disjunct within its block."""
-    result = np.empty(len(place), dtype=int)
-    result[place] = np.concatenate([_KIND * k + disjunct[each] for k, each in enumerate(kinds)])
+def _owner(form: Form, of_column: IntArray) -> IntArray:
+    """Returns the disjunct (k,) of each of a limit's rows, that of any of its columns."""
+    result = np.zeros(form.size, dtype=int)
+    result[form.row] = of_column[form.column]
     return result
+
+
+def _labels(owners: list[IntArray]) -> IntArray:
+    """Returns for each call's members (k,) the number of the call, and their disjuncts: (2, k)."""
+    kind = np.repeat(np.arange(len(owners)), [len(each) for each in owners])
+    return np.stack([kind, np.concatenate([kind[:0], *owners])])
+
+
+def _grouped(of: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """Returns where members are when sorted by group, and where groups start."""
+    order = np.argsort(of, kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(len(of))
+    return place, np.searchsorted(of[order], np.arange(count + 1))
+
+
+def _entries(
+    stated: Rows, places: Sequence[IntArray], starts: Sequence[IntArray], block: IntArray
+) -> tuple[IntArray, FloatArray, IntArray, NDArray[np.int8]]:
+    """Returns where columns start, and the values, rows and kinds of all entries of a statement
+    with columns, lines and cones in new ``places``; ``block`` is that of each column as stated."""
+    equations = sum(form.size for form in stated.equations)
+    column, line, cone = places[:3]
+    triples = (3 * cone[:, None] + np.arange(3)).ravel()
+    first = np.cumsum([0, equations, len(line)])
+    at = np.concatenate([np.arange(equations), first[1] + line, first[2] + triples])
+    every = [
+        (at[rows], column[columns], values) for rows, columns, values, _ in stated.entries()[0]
+    ]
+    matrix = stacked(every, (len(at), len(column)))
+    # Each entry's row, numbered within its kind and block.
+    kind = np.searchsorted(first, matrix.indices, side="right") - 1
+    none = np.zeros(len(starts[1]) - 1, dtype=int)
+    before = np.stack([none, starts[1][:-1], 3 * starts[2][:-1]])
+    rows = matrix.indices - first[kind]
+    rows -= before[kind, np.repeat(np.sort(block), np.diff(matrix.indptr))]
+    return matrix.indptr.astype(int), matrix.data, rows, kind.astype(np.int8)
 
 
 class Columns:
@@ -179,14 +188,16 @@ class Columns:
     def __init__(self, blocks: Sequence[ColumnBlock], equations: int) -> None:
         self.blocks, self.equations = blocks, equations
         self.members = tuple(block.members for block in blocks)
-        self.starts = [_starts(self.members, k) for k in range(2, 5)]
-        self.columns, self.lines, self.cones = (start[-1] for start in self.starts)
+        self.starts = [
+            _starts(each[field].shape[1] for each in self.members) for field in range(1, 4)
+        ]
+        self.columns, self.lines, self.cones = (int(start[-1]) for start in self.starts)
 
     def matrix(self) -> sp.csc_array:
         """Returns the program's matrix (equations + lines + 3 cones, columns)."""
         # Where the rows of each kind of each block begin.
         p, blocks = self.equations, self.blocks
-        _, lines, cones = (np.array(start[:-1]) for start in self.starts)
+        _, lines, cones = (start[:-1] for start in self.starts)
         offset = np.stack([np.zeros_like(lines), p + lines, p + self.lines + 3 * cones])
         # All blocks' columns side by side, their rows shifted there.
         every = [(block.data, block.rows, block.kind, block.counts) for block in blocks]
@@ -207,13 +218,16 @@ class Columns:
     def start(self, other: Halfway) -> Point:
         """Returns a point from which a solver of this problem may start, made of another problem's.
 
-        Unknowns, duals z and slacks s that the other problem has too are taken from there. New
+        The first disjunct of a contact goes on from the first one that the contact had there, the
+        second from the second, and so on: unknowns, duals z and slacks s are taken from there. New
         unknowns begin at zero, new duals and slacks in the middle of their cone, as large as the
         others are on average.
         """
-        point, alike = other.point, _Alike(self.members, other.members)
-        columns, lines, cones = (alike.places(kind) for kind in range(2, 5))
-        first = sum(len(each.lines) for each in other.members)
+        point, match = other.point, _matched(self.members, other.members)
+        columns, lines, cones = (
+            _placed(self.members, other.members, field, match) for field in range(1, 4)
+        )
+        first = sum(each.lines.shape[1] for each in other.members)
         triples = np.where(cones[:, None] < 0, -1, first + 3 * cones[:, None] + np.arange(3))
         rows = np.concatenate([lines, triples.ravel()])
         top = np.concatenate([np.ones(len(lines)), np.tile([1.0, 0.0, 0.0], len(cones))])
@@ -231,96 +245,47 @@ def stacked(entries: list[Entry], shape: tuple[int, int]) -> sp.csc_array:
     return result
 
 
-def _grouped(of: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Returns where members are when sorted by group, and where groups start."""
-    order = np.argsort(of, kind="stable")
-    place = np.empty_like(order)
-    place[order] = np.arange(len(of))
-    return place, np.searchsorted(of[order], np.arange(count + 1))
-
-
-def _starts(members: Sequence[Members], field: int) -> list[int]:
-    """Returns where each one's part of a field begins, and the last of them ends."""
-    return [0, *accumulate(len(each[field]) for each in members)]
-
-
-class _Alike:
-    """Which members of other blocks correspond to the members of one's own.
-
-    A block with the same key corresponds as a whole. Of the blocks that are left, a disjunct
-    corresponds to the one with the same name, otherwise to the first one left at the same contact.
-
-    Attributes
-    ----------
-    twin : (blocks,) array of int
-        The other block with the same key, -1 for none.
-    new, spare : list of Members
-        Own and other blocks without a twin; ``left`` are the numbers of the latter.
-    match : array of int
-        The disjunct of ``spare`` for each disjunct of ``new``.
-    """
-
-    def __init__(self, own: Sequence[Members], others: Sequence[Members]) -> None:
-        self.own, self.others = own, others
-        number = {each.key: k for k, each in enumerate(others)}
-        self.twin = np.array([number.get(each.key, -1) for each in own])
-        self.new = [each for each, twin in zip(own, self.twin.tolist(), strict=True) if twin < 0]
-        self.left = np.setdiff1d(np.arange(len(others)), self.twin)
-        self.spare = [others[k] for k in self.left.tolist()]
-        self.match = _matched(self.new, self.spare)
-
-    def places(self, field: int) -> IntArray:
-        """Returns which of the others' members corresponds to each own one, -1 for none. ``field``
-        is that of :class:`Members`: 2 for columns, 3 for lines, 4 for cones."""
-        # Members of blocks with a twin stand in the same order there.
-        own, others = (np.array(_starts(every, field)) for every in (self.own, self.others))
-        counts = np.diff(own)
-        place = np.arange(own[-1]) + np.repeat(others[self.twin] - own[:-1], counts)
-        # Others are placed among the members of the spare blocks, then among those of all blocks.
-        in_spare = _placed(self.new, self.spare, field, self.match)
-        ends = zip(others[self.left].tolist(), others[self.left + 1].tolist(), strict=True)
-        at = np.concatenate([*(np.arange(*each) for each in ends), [-1]])
-        place[np.repeat(self.twin < 0, counts)] = at[in_spare]
-        return place
+def _starts(sizes: Iterable[int]) -> IntArray:
+    """Returns where each one's part begins, and the last of them ends."""
+    return np.array([0, *accumulate(sizes)])
 
 
 def _matched(own: Sequence[Members], others: Sequence[Members]) -> IntArray:
-    """Returns which of the others' disjuncts corresponds to each disjunct; where none does, their
-    number."""
-    left: dict[bytes, dict[bytes, int]] = {}  # Numbers of disjuncts by contact and name.
-    for number, name in enumerate(name for each in others for name in each.names):
-        left.setdefault(name[:_CONTACT], {})[name] = number
-    none = _starts(others, 1)[-1]
-    return np.array([k for each in own for k in _taken(each.names, left, none)], dtype=int)
+    """Returns the number of the disjunct of ``others`` that corresponds to each own one: the one
+    that comes as late at the same contact. Where there is none it is their number."""
+    (contact, rank), other = _ranked(own), _ranked(others)
+    none = other.shape[1]
+    sizes = np.maximum(other.max(axis=1, initial=0), [contact.max(), rank.max()]) + 1
+    table = np.full(sizes, none)
+    table[tuple(other)] = np.arange(none)
+    return table[contact, rank]
 
 
-def _taken(names: list[bytes], left: dict[bytes, dict[bytes, int]], none: int) -> list[int]:
-    """Takes a disjunct for each name out of those ``left``, and returns their numbers: first the
-    one with the same name, then any at the same contact, else ``none``."""
-    at_contact = [left.get(name[:_CONTACT], {}) for name in names]
-    same = [here.pop(name, none) for name, here in zip(names, at_contact, strict=True)]
-    return [
-        here.pop(next(iter(here))) if number == none and here else number
-        for number, here in zip(same, at_contact, strict=True)
-    ]
+def _ranked(members: Sequence[Members]) -> IntArray:
+    """Returns the contact of every disjunct, counted from 1, and how many came before there."""
+    contact = np.concatenate([each.contact for each in members]) + 1
+    place, starts = _grouped(contact, int(contact.max(initial=0)) + 1)
+    return np.stack([contact, place - starts[contact]])
 
 
 def _placed(
     own: Sequence[Members], others: Sequence[Members], field: int, match: IntArray
 ) -> IntArray:
-    """Returns which of the others' members has the same kind and the disjunct that corresponds by
-    ``match``, for each own member; -1 for none."""
-    kind, disjunct = _split(own, field)
-    other_kind, other_disjunct = _split(others, field)
+    """Returns which of the others' members of a ``field`` of :class:`Members` has the same kind and
+    the disjunct that corresponds by ``match``, for each own member; -1 for none."""
+    kind, disjunct = _joined(own, field)
+    other_kind, other_disjunct = _joined(others, field)
     kinds = int(max(kind.max(initial=0), other_kind.max(initial=0))) + 1
-    place = np.full((kinds, _starts(others, 1)[-1] + 1), -1)
+    count = sum(len(each.contact) for each in others)
+    place = np.full((kinds, count + 1), -1)
     place[other_kind, other_disjunct] = np.arange(len(other_disjunct))
     return np.asarray(place[kind, match[disjunct]])
 
 
-def _split(members: Sequence[Members], field: int) -> tuple[IntArray, IntArray]:
+def _joined(members: Sequence[Members], field: int) -> IntArray:
     """Returns the kinds of a field's members, and the numbers of their disjuncts among those of all
-    blocks."""
-    labels = np.concatenate([np.zeros(0, dtype=int), *(each[field] for each in members)])
-    counts, first = [len(each[field]) for each in members], np.array(_starts(members, 1)[:-1])
-    return labels // _KIND, labels % _KIND + np.repeat(first.astype(int), counts)
+    blocks: (2, k)."""
+    labels = np.concatenate([each[field] for each in members], axis=1)
+    first = _starts(len(each.contact) for each in members)[:-1]
+    labels[1] += np.repeat(first, [each[field].shape[1] for each in members])
+    return labels

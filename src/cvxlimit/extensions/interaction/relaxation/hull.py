@@ -7,7 +7,7 @@ own, so that the relaxation is one second-order cone program, whose load factor 
 exceed:
 
     max alpha   subject to   A X + f_dead + alpha f_live = 0,   X = sum over k of X_k,
-                             X_k in the cone of disjunct k (:func:`state_disjuncts`).
+                             X_k in the cone of disjunct k (:class:`StatedDisjuncts`).
 
 The letters in the code (n contacts, of which the problem has m; force components are in the order
 V1, V2, N, M1, M2, MT of :data:`~cvxlimit.geometry.contacts.COMPONENTS`):
@@ -37,7 +37,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -47,15 +47,15 @@ from cvxlimit.extensions.interaction.relaxation.column_blocks import (
     ColumnBlock,
     Columns,
     Halfway,
-    Key,
     cut,
 )
-from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts, disjunct_arms, sheared
-from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
+from cvxlimit.extensions.interaction.relaxation.stated import StatedDisjuncts
+from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
+from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Reduction
 from cvxlimit.model.formulations import resultants, times
 from cvxlimit.model.program import LimitProgram
-from cvxlimit.model.sinks import Constraints, Form, Rows, gathered, stacked
+from cvxlimit.model.sinks import Constraints, Form, Rows
 from cvxlimit.readings.pressure import half_extent
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder
@@ -156,40 +156,32 @@ class HullProblem:
     ) -> Any:
         """States the whole problem to a sink, and returns what is to be maximised."""
         load, goal = self._stated_load(into, relief_price)
-        forces = state_disjuncts(self, disjuncts, into).forces
-        into.zero(self.matrix @ forces + (load + self.dead))
+        stated = self._stated(disjuncts, into)
+        into.zero(self.matrix @ stated.forces + (load + self.dead))
         return goal
 
     def column_blocks(
-        self, disjuncts: Disjuncts, unit: IntArray | None = None, keys: Sequence[Key] | None = None
+        self, disjuncts: Disjuncts, unit: IntArray | None = None, count: int | None = None
     ) -> list[ColumnBlock]:
         """Returns the columns of disjuncts, and the rows that are theirs alone, as one block for
         each of the units to which ``unit`` (k,) assigns the disjuncts; as a single block without.
 
-        Blocks are known by their keys. ``keys`` are those of the units 0, 1, ...; without them,
-        keys are made of the names of the disjuncts, and units that have none get no block.
+        Units that have none get no block, unless the ``count`` of all is given.
         """
         # The disjuncts of the half that is left, and the units that these have.
         unit = np.zeros(len(disjuncts), dtype=int) if unit is None else unit
         if self.half is not None:
             kept = ~np.isin(disjuncts.contact, self.half.dropped)
             disjuncts, unit = disjuncts.take(kept), unit[kept]
-        if keys is None:
-            _, unit = np.unique(unit, return_inverse=True)
+        if count is None:
+            units, unit = np.unique(unit, return_inverse=True)
+            count = len(units)
         # All of them are stated at once, for calls of NumPy cost more than what they compute.
         into = Rows()
-        stated = state_disjuncts(self, disjuncts, into)
+        stated = self._stated(disjuncts, into)
         into.zero(self.matrix @ stated.forces)
-        # The key of a unit: its first disjunct's contact, and the names of all.
-        if keys is None:
-            order = np.argsort(unit, kind="stable")
-            starts = np.searchsorted(unit[order], np.unique(unit))
-            units = [each.tolist() for each in np.split(order, starts[1:])]
-            names, contact = disjuncts.names, disjuncts.contact
-            keys = [(int(contact[k[0]]), b"".join([names[i] for i in k])) for k in units if k]
-        owners = stated.of_unknowns, stated.of_limits, stated.of_cones
         entries = stated.forces.row, stated.forces.column, stated.forces.value
-        return cut(keys, unit, disjuncts.names, owners, into, entries)
+        return cut(into, stated.owners, entries, disjuncts.contact, unit, count)
 
     def columns(
         self, disjuncts: Disjuncts | Sequence[ColumnBlock], relief_price: float | None = None
@@ -202,6 +194,10 @@ class HullProblem:
     def program(self, columns: Columns, relief_price: float | None = None) -> ConeProgram:
         """Returns the cone program of these columns."""
         return self._load_block(relief_price).program(columns)
+
+    def _stated(self, disjuncts: Disjuncts, into: Constraints | Rows) -> StatedDisjuncts:
+        count = self.matrix.shape[1] // len(COMPONENTS)
+        return StatedDisjuncts(disjuncts, self.contacts, self.number, count, into)
 
     def _load_block(self, relief_price: float | None) -> LoadBlock:
         """Returns the block of the load, stated once for each price."""
@@ -248,11 +244,9 @@ class LoadBlock:
     @classmethod
     def of(cls, stated: Rows, goal: Form) -> LoadBlock:
         """Makes the block of a statement of one or two unknowns, the load factor and a relief."""
-        unknowns, none = np.arange(stated.width), np.zeros(0, dtype=int)
-        limits = [np.ones(form.size, dtype=int) for form in stated.linear] or [none]
-        key, names = b"load" * stated.width, [b"load", b"relief"][: stated.width]
-        owners, no_forces = ([unknowns], limits, [none]), (none, none, np.zeros(0))
-        (block,) = cut([(-1, key)], 0 * unknowns, names, owners, stated, no_forces)
+        none = np.zeros(0, dtype=int)
+        owners, contact = [np.arange(stated.width)], np.full(stated.width, -1)
+        (block,) = cut(stated, owners, (none, none, np.zeros(0)), contact, 0 * contact, 1)
         program = stated.written(goal).program
         return cls(block, program.cost, program.right)
 
@@ -266,141 +260,3 @@ class LoadBlock:
         right = np.concatenate([self.right[:equations], right])
         sizes = equations, columns.lines, (3,) * columns.cones
         return ConeProgram(cost, columns.matrix(), right, *sizes)
-
-
-class StatedDisjuncts(NamedTuple):
-    """What :func:`state_disjuncts` has stated to a sink.
-
-    ``forces`` (6 m,) are the forces of the contacts as forms of the unknowns. The others say which
-    disjuncts unknowns, linear limits and cones belong to, in the order in which they were stated.
-    """
-
-    forces: Any
-    of_unknowns: list[IntArray]
-    of_limits: list[IntArray]
-    of_cones: list[IntArray]
-
-
-def state_disjuncts(
-    problem: HullProblem, disjuncts: Disjuncts, into: Constraints | Rows
-) -> StatedDisjuncts:
-    """States the cones of disjuncts to a sink.
-
-    A disjunct has the pressure centre e, the spread s by which its centre may be off, the arm c of
-    Eq. 26, and the lever d about which torsion is taken; friction is mu. Its unknowns are N, V1,
-    V2, torsion's share tau of friction, the parts m1, m2 and t of moments that are free within
-    bounds, and a1 >= abs(V1), a2 >= abs(V2):
-
-        M1 = e2 N + m1,  abs(m1) <= s2 N,      M2 = -e1 N + m2,  abs(m2) <= s1 N,
-        MT = d1 V2 - d2 V1 + t,  abs(t) <= c tau,                             (Eq. 30)
-        abs(V) + (eps2 a1 + eps1 a2) / c + tau <= mu N,   tau >= 0,   N >= 0,
-        abs(MT) <= c mu N  where the disjunct is ``limited``                    (Eq. 27)
-
-    with eps = s, and eps = abs(e) + s and d = 0 where torsion has every sign on its own. Unknowns
-    that would be zero are left out. No row has unknowns of two disjuncts, so that solvers which
-    eliminate by blocks have small ones.
-    """
-    friction = problem.contacts.friction[disjuncts.contact]
-    half_sides = problem.extent[disjuncts.contact]
-    arm = disjunct_arms(disjuncts, problem.contacts)
-    along = sheared(disjuncts, arm)
-    every = np.arange(len(disjuncts))
-    shears, twists = np.flatnonzero(along.any(axis=1)), np.flatnonzero(arm > 0.0)
-    is_signed = disjuncts.signed
-    of_unknowns, of_limits = list[IntArray](), list[IntArray]()
-    contributions = list[tuple[str, IntArray, Any, FloatArray | float]]()
-
-    def new(k: IntArray) -> Any:
-        """Returns a new unknown for each of the disjuncts k."""
-        of_unknowns.append(k)
-        return into.new(len(k))
-
-    def nonneg(k: IntArray, form: Any) -> None:
-        """States that a form (one entry for each of the disjuncts k) is not negative."""
-        of_limits.append(k)
-        into.nonneg(form)
-
-    def within(k: IntArray, form: Any, most: Any) -> None:
-        """States that the size of a form is at most ``most``."""
-        nonneg(k, most - form)
-        nonneg(k, most + form)
-
-    def contribute(component: str, k: IntArray, form: Any, weight: FloatArray | float) -> None:
-        """Adds weight times the form to a force component of the contacts of disjuncts k."""
-        contributions.append((component, k, form, weight))
-
-    def free_part(component: str, k: IntArray, most: Any) -> Any:
-        """Adds an unknown of its own to a force component, of a size of ``most`` at most."""
-        part = new(k)
-        contribute(component, k, part, 1.0)
-        within(k, part, most)
-        return part
-
-    # Compression N at e, and bending m1, m2 within the spread. N >= 0 is a row only where no
-    # friction cone says so.
-    compression = new(every)
-    e1, e2 = (half_sides * disjuncts.centre).T
-    for component, place in (("N", 1.0), ("M1", e2), ("M2", -e1)):
-        contribute(component, every, compression, place)
-    is_loose = np.ones(len(every), dtype=bool)
-    is_loose[shears] = friction[shears] <= 0.0
-    nonneg(every[is_loose], compression[is_loose])
-    for axis, moment in enumerate(("M2", "M1")):
-        reach = (half_sides * disjuncts.spread)[:, axis]
-        k = np.flatnonzero(reach > 0.0)
-        free_part(moment, k, times(reach[k], compression[k]))
-
-    # Shear V, and its torsion about the lever. Without an arm Eq. 27 leaves shear along the lever
-    # only: that is one unknown in this direction, for two rows that say so would leave solvers no
-    # interior.
-    k = shears
-    lever = np.where(is_signed[:, None], half_sides * disjuncts.lever, 0.0)[k]
-    length = np.hypot(lever[:, 0], lever[:, 1])
-    is_led = disjuncts.limited[k] & (arm[k] <= 0.0) & (length > 0.0)
-    direction = lever / np.where(length > 0.0, length, 1.0)[:, None]
-    first, second = np.where(is_led[:, None], direction, along[k]).T
-    lever[is_led] = 0.0
-    shear = new(k), new(k)
-    contribute("V1", k, shear[0], first)
-    contribute("V2", k, shear[0], np.where(is_led, second, 0.0))
-    contribute("V2", k, shear[1], np.where(is_led, 0.0, second))
-    contribute("MT", k, shear[0], -lever[:, 1])
-    contribute("MT", k, shear[1], lever[:, 0])
-
-    # Torsion t beside that of shear, at most c tau.
-    tau = new(twists)
-    nonneg(twists, tau)
-    most, is_limited = times(arm[twists], tau), disjuncts.limited[twists]
-    free_part("MT", twists[~is_limited], most[~is_limited])
-
-    # Eq. 27: with what shear does about the lever it is at most c mu N.
-    limited = np.flatnonzero((disjuncts.limited & (arm > 0.0))[shears])
-    k, (d1, d2) = shears[limited], lever[limited].T
-    part = free_part("MT", twists[is_limited], most[is_limited])
-    torsion = times(d1, shear[1][limited]) - times(d2, shear[0][limited])
-    torsion = torsion + gathered(part, np.searchsorted(k, twists[is_limited]), len(k))
-    within(k, torsion, times(arm[k] * friction[k], compression[k]))
-
-    # Friction: what tau and the eccentricities leave of mu N is a bound on the resultant of shear.
-    k = shears
-    rest = times(friction[k], compression[k]) - gathered(tau, np.searchsorted(k, twists), len(k))
-    for axis in (0, 1):
-        fixed = np.where(is_signed[k], 0.0, np.abs(disjuncts.centre[k, 1 - axis]))
-        eps = half_sides[k, 1 - axis] * (fixed + disjuncts.spread[k, 1 - axis])
-        weight = eps / np.where(arm[k] > 0.0, arm[k], 1.0)
-        rows = np.flatnonzero(weight > 0.0)
-        size = new(k[rows])
-        within(k[rows], shear[axis][rows], size)
-        rest = rest - gathered(size, rows, len(k), weight[rows])
-    if len(k):
-        into.cone(rest, shear)
-
-    # The forces of contacts: sums over all contributions.
-    components, owners, forms, weights = zip(*contributions, strict=True)
-    first_row = len(COMPONENTS) * problem.number[disjuncts.contact]
-    rows = np.concatenate(
-        [first_row[k] + COLUMN[c] for c, k in zip(components, owners, strict=True)]
-    )
-    values = [np.full(len(k), w) for w, k in zip(weights, owners, strict=True)]
-    forces = gathered(stacked(forms), rows, problem.matrix.shape[1], np.concatenate(values))
-    return StatedDisjuncts(forces, of_unknowns, of_limits, [shears])

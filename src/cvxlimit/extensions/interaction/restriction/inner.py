@@ -24,7 +24,7 @@ from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import centres
 from cvxlimit.solution.bracket import TOLERANCE
-from cvxlimit.solvers.ladders import NUMBERS
+from cvxlimit.solvers.ladders import LEADING, MANY
 
 WHOLE = 2.0
 """Half width of a box that is the whole contact, from wherever in it the pressure acts."""
@@ -65,7 +65,7 @@ class Boxes:
         self.excess, self.largest = float(over.sum()), float(over.max())
         self._move(forces)
         shrink, growth = (CLIMB.shrink, CLIMB.growth) if exploring else (CLIMB.settle, 1.0)
-        factor = np.where(over > NUMBERS.leading, shrink, growth)
+        factor = np.where(over > LEADING, shrink, growth)
         self.size = np.minimum(factor * self.size, WHOLE)
 
     def _move(self, forces: FloatArray) -> None:
@@ -98,7 +98,7 @@ class InnerMethod(SafeProblems):
         every, count = states_of(self.moments).starts, len(self.run.contacts)
         if self.has_others and count > BRACKET.few:
             return tuple(dict.fromkeys(("boxes", *every)))
-        return tuple(s for s in every if s != "boxes" or count <= NUMBERS.leads_from)
+        return tuple(s for s in every if s != "boxes" or count <= MANY)
 
     def begun(self, start: str, relaxed: FloatArray | None) -> Iterator[InnerIterate]:
         """The search from one of the ``starts``; ``relaxed`` are a relaxation's forces."""

@@ -33,7 +33,7 @@ from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import centres, half_extent
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Bracket
-from cvxlimit.solvers import LimitState, default_ladder, tight_ladder
+from cvxlimit.solvers import LimitState, default_ladder, ladder_for
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, Rocking
 
 
@@ -288,7 +288,7 @@ def _stepped(
     """Returns the bound of a safe step from the forces with a ``margin`` (n,) less friction."""
     step = SafeStep(_slippery(run, margin), run.moments)
     point = step.point(forces, Point.middle(step.statics.contacts), PROOF.accepted)
-    state = step.solve(point.shrunk(states_of(run.moments).shrink), tight_ladder()[0])
+    state = step.solve(point.shrunk(states_of(run.moments).shrink), ladder_for("tight")[0])
     if state.forces is None or state.load_factor is None:
         return None
     return checker.of(state.forces, state.load_factor)
@@ -311,7 +311,7 @@ def _proof(
     disjuncts = (
         states_of(run.moments).safe_disjuncts(contacts, centre).without(np.flatnonzero(is_idle))
     )
-    state = HullProblem(_slippery(run, margin)).solve(disjuncts, tight_ladder()[0])
+    state = HullProblem(_slippery(run, margin)).solve(disjuncts, ladder_for("tight")[0])
     if state.forces is None or state.load_factor is None:
         return None
     held = _held(contacts, centre * extent, np.flatnonzero(~is_idle))

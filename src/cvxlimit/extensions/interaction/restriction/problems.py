@@ -42,15 +42,11 @@ from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import Pressure, half_extent
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution.bracket import known
-from cvxlimit.solvers import (
-    LimitState,
-    SolverSettings,
-    leading_ladder,
-    tight_ladder,
-    warm_ladder,
-)
-from cvxlimit.solvers.ladders import NUMBERS
+from cvxlimit.solvers import LimitState, SolverSettings, ladder_for
 from cvxlimit.surfaces import Conic
+
+WARM_FROM = 200
+"""Contacts from which on our own solver, which starts warm, takes steps first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +109,11 @@ class SafeProblems:
         self.start = "middle"
         # Ladders: for problems that only lead the way, for steps that start from the last one, and
         # for forces that count.
-        self.leading = run.ladder or leading_ladder(len(run.contacts))
-        self.warm = () if run.ladder else warm_ladder(len(run.contacts))
-        self.stepping = (
-            *self.warm,
-            *(settings for settings in self.leading if settings not in self.warm),
-        )
-        self.tight = run.ladder or tight_ladder()
+        self.leading = run.ladder or ladder_for("leading")
+        is_warm = not run.ladder and len(run.contacts) >= WARM_FROM
+        self.warm = ladder_for("steps") if is_warm else ()
+        self.stepping = (*self.warm, *self.leading)
+        self.tight = run.ladder or ladder_for("tight")
         with run.clock.phase("compile"):
             self.half = None if reductions is None else SymmetricHalf.of(reductions, self.moments)
             self.step = SafeStep(run.assemblage, self.moments, self.half)
@@ -154,7 +148,7 @@ class SafeProblems:
         own = centre if self.half is None else centre[self.half.kept]
         at = Pressure.at(own * half_extent(frozen.contacts), frozen.contacts)
         # Further solvers have not been seen to help, and they cost as much as safe steps.
-        inside = warm_ladder(len(self.contacts), NUMBERS.node) if self.warm else ()
+        inside = ladder_for("held centres") if self.warm else ()
         ladders = inside, self.tight[:1]
         return self.restricted(
             "frozen", lambda settings: frozen.solve(at, settings, True), *ladders

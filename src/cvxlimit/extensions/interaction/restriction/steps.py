@@ -44,9 +44,10 @@ class StepState(LimitState):
 class SafeStep:
     """Solves the convex problem of a step at a point, in one reading of Eq. 30.
 
-    With a ``half`` of a symmetric scene the problem is that of the half, and answers are those of
-    the whole. ``stated`` keeps each problem that was stated, by whether slack has a price and
-    whether the load factor has a bound; at another point only its ``parameters`` change.
+    Unknown are internal forces, bounds on sizes, slack if it has a price, and the load factor. With
+    a ``half`` of a symmetric scene the problem is that of the half, and answers are those of the
+    whole. ``stated`` keeps each problem that was stated, by whether slack has a price and whether
+    the load factor has a bound; at another point only its Parameters change.
     """
 
     def __init__(
@@ -61,7 +62,12 @@ class SafeStep:
         self.assemblage = replace(whole, statics=statics, strengths={})
         self.statics = self.assemblage.scaled
         self.kept = np.arange(len(whole.contacts)) if half is None else half.kept
-        self.stated: dict[tuple[bool, bool], StatedStep] = {}
+        self.own = self.rectangles.take(self.kept)
+        slopes, sizes = moments.slopes, ("m1", "m2", "u", "s1", "s2", "t")
+        is_tied = slopes is not None and bool((slopes[:, 0] == slopes[:, 1]).all())
+        self._sizes = sizes[: 6 if slopes is None else 3 if is_tied else 5]
+        self._forces = self._forms(self._sizes)
+        self.stated: dict[tuple[bool, bool], LimitProgram] = {}
         self._cache: dict[str, Any] = {}
 
     def solve(
@@ -75,8 +81,7 @@ class SafeStep:
         """Returns the state with the largest load factor, at most ``most``, less ``price`` times
         slack. Without a price there is no slack: then every answer is safe with the full
         ``curvature`` 1.0 of the rows; with a share of it steps are longer."""
-        step = self.at(point, price, curvature, most)
-        state = step.problem.run(settings, has_rows=True)
+        state = self.at(point, price, curvature, most).run(settings, has_rows=True)
         if state.forces is None:
             return StepState(state.outcome, None, None, None, slack=np.inf)
         forces = self.rectangles.outward(state.forces / self.scaling.forces(np.ones(6)))
@@ -94,13 +99,16 @@ class SafeStep:
         price: float | None = None,
         curvature: float = 1.0,
         most: float | None = None,
-    ) -> StatedStep:
+    ) -> LimitProgram:
         """Returns the problem with its Parameters set to the values for a point."""
         key = price is not None, most is not None
         if key not in self.stated:
-            self.stated[key] = StatedStep(self, *key, self._cache)
-        self.stated[key].set(point, price, curvature, most)
-        return self.stated[key]
+            self.stated[key] = self._statement(*key)
+        unit = self.scaling.load_factor(1.0)
+        values: dict[str, Any] = {"price": price or 0.0, "most": (most or 0.0) / unit}
+        for i, form in enumerate(_forms(self._rows(point, curvature, has_slack=key[0]))):
+            values |= {f"form {i}, {component}": k for component, k in form.items()}
+        return self.stated[key].at(values)
 
     def point(self, forces: FloatArray, otherwise: Point, least: float) -> Point:
         """Returns the point of forces (n, 6), in the columns V1 V2 N M1 M2 MT; ``otherwise`` for
@@ -108,48 +116,22 @@ class SafeStep:
         inner = self.rectangles.inward(forces / self.scaling.forces(np.ones_like(forces)))
         return Point.of(inner, self.statics.contacts, otherwise, least)
 
-
-class StatedStep:
-    """``problem``, unknown in which are internal forces, bounds on sizes, slack if it has a price,
-    and the load factor; and its ``parameters`` by name."""
-
-    def __init__(
-        self, step: SafeStep, has_price: bool, has_most: bool, cache: dict[str, Any]
-    ) -> None:
-        self.moments, self.kept, half = step.moments, step.kept, step.half
-        self.own, self.scaling = step.rectangles.take(step.kept), step.scaling
-        slopes, sizes = self.moments.slopes, ("m1", "m2", "u", "s1", "s2", "t")
-        is_tied = slopes is not None and bool((slopes[:, 0] == slopes[:, 1]).all())
-        names = sizes[: 6 if slopes is None else 3 if is_tied else 5]
-        self._forces, self._slack = self._forms(names), Linear({"slack": 1.0} if has_price else {})
+    def _statement(self, has_price: bool, has_most: bool) -> LimitProgram:
+        """States a problem, coefficients that differ from contact to contact being Parameters."""
         # with a share of the curvature rows have all components that they ever have
-        rows = self._rows(Point.middle(step.statics.contacts), 0.5)
-        self._coefficients = [_named(form, f"form {i}") for i, form in enumerate(_forms(rows))]
+        rows = self._rows(Point.middle(self.statics.contacts), 0.5, has_price)
+        named = (_named(form, f"form {i}") for i, form in enumerate(_forms(rows)))
+        surface = _Majorants([*self._bounds(), *_stated(rows, named)])
         goal = _LessSlack(
             cp.Parameter(name="price") if has_price else None,
             cp.Parameter(name="most") if has_most else None,
         )
-        every = [k for form in self._coefficients for k in form.values()] + [goal.price, goal.most]
-        self.parameters = {k.name(): k for k in every if isinstance(k, cp.Parameter)}
-        surface = _Majorants([*self._bounds(), *_stated(rows, iter(self._coefficients))])
-        formulation = partial(_with_parts, names=(*names, *self._slack))
-        given = Reduction.none(step.assemblage.statics, formulation)
-        given = given if half is None else half.reduction(given)
-        surfaces = Rocking(), surface
-        self.problem = LimitProgram(step.assemblage, surfaces, reduction=given, goal=goal)
-        self.problem._kept = cache
-
-    def set(self, point: Point, price: float | None, curvature: float, most: float | None) -> None:
-        """Give the Parameters the values for a point."""
-        none, rows = np.zeros(len(self.kept)), self._rows(point, curvature)
-        for form, coefficients in zip(_forms(rows), self._coefficients, strict=True):
-            for name, coefficient in coefficients.items():
-                if isinstance(coefficient, cp.Parameter):
-                    coefficient.value = none + form.get(name, 0.0)
-        if price is not None:
-            self.parameters["price"].value = price
-        if most is not None:
-            self.parameters["most"].value = most / self.scaling.load_factor(1.0)
+        names = (*self._sizes, *(["slack"] if has_price else []))
+        given = Reduction.none(self.assemblage.statics, partial(_with_parts, names=names))
+        given = given if self.half is None else self.half.reduction(given)
+        problem = LimitProgram(self.assemblage, (Rocking(), surface), reduction=given, goal=goal)
+        problem._kept = self._cache
+        return problem
 
     def _forms(self, names: Sequence[str]) -> Forces[Linear]:
         """Forces by component, moments over the unit of length, and bounds by name."""
@@ -166,22 +148,20 @@ class StatedStep:
         sizes += [] if f.t is None else [(f.MT, f.t)]
         yield from (Condition([Norm(value)], bound) for value, bound in sizes)
 
-    def _rows(self, point: Point, curvature: float) -> list[Condition]:
+    def _rows(self, point: Point, curvature: float, has_slack: bool) -> list[Condition]:
         """Eq. 30 at a point, and Eq. 27 where it stands beside it."""
         f, moments, contacts = self._forces, self.moments, self.own.contacts
+        slack = Linear({"slack": 1.0} if has_slack else {})
         here = Point(point.centre[self.kept], point.shear[self.kept])
         arm = np.maximum(contacts.friction, SUPPORT.friction) * contacts.torsion_arm
         arm = np.where(arm > 0.0, arm, 1.0)  # of the torque that contacts resist, per compression
-        found = []
-        slopes, is_limited = moments.slopes, moments.is_limited
-        for row in StepRows(
-            f, here, self.own, slopes, is_limited, states_of(moments).balance
-        ).rows():
+        found, balance = [], states_of(moments).balance
+        for row in StepRows(f, here, self.own, moments.slopes, moments.is_limited, balance).rows():
             if not row.squares:
-                found.append(Condition([], self._slack - row.linear))
+                found.append(Condition([], slack - row.linear))
                 continue
             longer = row if curvature == 1.0 else row.lengthened(f.N, curvature)
-            bound, *rest = longer.cone(f.N, self._slack, arm)
+            bound, *rest = longer.cone(f.N, slack, arm)
             found.append(Condition([Norm(*rest)], bound))
         return found
 

@@ -128,7 +128,7 @@ def _triangles(unit: float, corners: bytes, low: bytes, high: bytes) -> FloatArr
     return np.dstack([corners_xy, bounds.over(corners_xy)])
 
 
-def independent_cells(asked: Asked, cells: Cells, halvings: int) -> Support:
+def independent_cells(asked: Asked, cells: Cells) -> Support:
     """Returns the support function under the reading with independent signs, from above.
 
     The power is the larger of two. With torsion alone it is linear over a triangle, and so largest
@@ -152,48 +152,30 @@ def independent_cells(asked: Asked, cells: Cells, halvings: int) -> Support:
         bound = np.maximum(np.fmin(crossed.max(axis=0), apart), torsion.max(axis=0))
         return at, np.maximum(torsion, moment + slip), bound
 
-    return _largest(asked, cells.contact, cells.corners, bounded, halvings)
+    return _largest(asked, cells.contact, cells.corners, bounded)
 
 
-def levered_cells(
-    lever: Lever, is_limited: bool, asked: Asked, cells: Cells, halvings: int
-) -> Support:
+def levered_cells(lever: Lever, is_limited: bool, asked: Asked, cells: Cells) -> Support:
     """Returns the support function under a reading with torsion about a ``lever``, from above.
 
     Without Eq. 27 (``is_limited`` false) the power is largest at corners of triangles. With it the
     shares of a triangle's corners are bounded together, and triangles are halved.
     """
 
-    def shares(j: IntArray, at: FloatArray) -> Shares:
-        return Shares(lever, asked.w[j], asked.friction[j], at[..., :2], at[..., 2])
-
     def bounded(j: IntArray, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        own = shares(j, at)
+        own = Shares(lever, asked.w[j], asked.friction[j], at[..., :2], at[..., 2])
         if is_limited:
-            return at, own.each(), own.together()
+            return at, own.each(), own.together(asked.precision)
         power = own.power(own.twist)
         return at, power, power.max(axis=0)
 
-    j, at = cells.contact, cells.corners
-    if not is_limited:
-        return _largest(asked, j, at, bounded, 0)
-    # A rough bound first leaves out triangles that cannot exceed what the roughly best one reaches.
-    rough, least = shares(j, at).roughly(), asked.floor.copy()
-    order = np.lexsort((-rough, j))
-    first = order[np.flatnonzero(np.diff(j[order], prepend=-1))]
-    reached = shares(j[first], at[:, first]).each().max(axis=0)
-    least[j[first]] = np.maximum(least[j[first]], reached)
-    is_open = rough >= least[j]
-    upper, where = _largest(asked, j[is_open], at[:, is_open], bounded, halvings)
-    np.maximum.at(upper, j[~is_open], rough[~is_open])
-    return upper, where
+    return _largest(asked, cells.contact, cells.corners, bounded)
 
 
-def _largest(
-    asked: Asked, rows: IntArray, corners: FloatArray, bounded: Pieces, halvings: int
-) -> Support:
+def _largest(asked: Asked, rows: IntArray, corners: FloatArray, bounded: Pieces) -> Support:
     """Returns the largest power over triangles, each cut up to twice as often as boxes are."""
-    return asked.largest(rows, corners, bounded, SUPPORT.boxes, 2 * halvings, _halved_triangles)
+    most = 2 * asked.halvings
+    return asked.largest(rows, corners, bounded, SUPPORT.boxes, most, _halved_triangles)
 
 
 def _halved_triangles(corners: FloatArray, half: FloatArray) -> FloatArray:

@@ -71,12 +71,6 @@ class Disjuncts:
         """Returns the disjuncts that are ``kept``, (k,)."""
         return Disjuncts(*(values[kept] for values in vars(self).values()))
 
-    @property
-    def names(self) -> list[bytes]:
-        """A key of each disjunct, made of its contact, centre and spread."""
-        table = np.column_stack([self.contact, self.centre, self.spread])
-        return table.view(f"V{table.itemsize * table.shape[1]}").ravel().tolist()
-
     @classmethod
     def none(cls) -> Disjuncts:
         """Returns no disjuncts."""

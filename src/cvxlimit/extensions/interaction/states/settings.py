@@ -13,14 +13,10 @@ from dataclasses import dataclass
 class SupportSettings:
     """Support functions, arms and shapes of contacts."""
 
-    halvings: int = 45  # of pieces at most: they are then as short as rounding
     pieces: int = 8  # into which an edge is cut at a time
     most_pieces: int = 100_000  # at once, beyond which memory counts for more than closeness
     edges: float = 1e-10  # width of enclosures along edges, over the largest power in play
     boxes: float = 1e-8  # the same over boxes, which close more slowly
-    sections: int = 23  # of the share of Eq. 30, each 2/5 of the last: 7e-10 of the range is left,
-    at_a_time: int = 4  # shares tried at once
-    shares: int = 5  # of Eq. 30 tried to tell which triangles may have the largest power
     most_whole: int = 500  # polygons whose arms, 5 ms each, are bounded even of whole contacts
     cells: int = 4  # along a polygon's sides, two or more along its box's: bounds with 8 are alike
     digits: int = 40  # binary ones of a polygon's size in which equal ones agree

@@ -67,11 +67,11 @@ class States(ABC):
         self.reading = reading
 
     @abstractmethod
-    def support(self, asked: Asked, halvings: int) -> Support:
+    def support(self, asked: Asked) -> Support:
         """Largest power of true states on rectangles: see :mod:`~.states.support`."""
 
     @abstractmethod
-    def cell_support(self, asked: Asked, cells: Cells, halvings: int) -> Support:
+    def cell_support(self, asked: Asked, cells: Cells) -> Support:
         """The same on the triangles of polygons; contacts without any have none."""
 
     @abstractmethod
@@ -194,11 +194,11 @@ class TiedStates(States):
         is_free = self.reading.is_about_centre and not self.reading.is_limited
         return largest_anywhere if is_free else largest_centred
 
-    def support(self, asked: Asked, halvings: int) -> Support:
-        return levered_support(self.reading.lever, self.reading.is_limited, asked, halvings)
+    def support(self, asked: Asked) -> Support:
+        return levered_support(self.reading.lever, self.reading.is_limited, asked)
 
-    def cell_support(self, asked: Asked, cells: Cells, halvings: int) -> Support:
-        return levered_cells(self.reading.lever, self.reading.is_limited, asked, cells, halvings)
+    def cell_support(self, asked: Asked, cells: Cells) -> Support:
+        return levered_cells(self.reading.lever, self.reading.is_limited, asked, cells)
 
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
         """Whole contacts of any shape about the pressure centre, where it is the exact hull."""

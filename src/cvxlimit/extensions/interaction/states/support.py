@@ -19,7 +19,7 @@ h                   largest power of shear and torsion at e, which depends on th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,10 @@ backwards it is one of sizes, from the second to the first, on either side of th
 Pieces = Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Of pieces (q, k, d) of contacts (k,): places (p, k, d), the power at each of them (p, k), and an
 upper bound (k,) on that all over the piece."""
+
+
+DIGITS = int(np.finfo(float).nmant)
+"""Binary digits of a number: a piece halved so often is as short as rounding."""
 
 
 def _halved_boxes(ends: FloatArray, half: FloatArray) -> FloatArray:
@@ -71,7 +75,8 @@ class Asked:
     ``w`` (n, 6) are the rates, ``half`` (n, 2) the half sides, and ``boxes`` (n, 2, 2) the lowest
     and the highest fraction of the half sides, per axis, where pressure centres may be. Powers up
     to ``floor`` (n,) need not be enclosed closely, others to ``precision`` of the largest power
-    possible, if that is coarser than the reading's own.
+    possible, if that is coarser than the reading's own. Pieces are cut in halves ``halvings`` times
+    at most.
     """
 
     w: FloatArray
@@ -80,10 +85,13 @@ class Asked:
     boxes: FloatArray
     floor: FloatArray
     precision: float
+    halvings: int
 
     def take(self, rows: IntArray) -> Asked:
         w, half, friction = self.w[rows], self.half[rows], self.friction[rows]
-        return Asked(w, half, friction, self.boxes[rows], self.floor[rows], self.precision)
+        return replace(
+            self, w=w, half=half, friction=friction, boxes=self.boxes[rows], floor=self.floor[rows]
+        )
 
     def largest(
         self,
@@ -124,7 +132,7 @@ class Asked:
         return np.maximum(best, dropped), where
 
 
-def independent_support(asked: Asked, halvings: int) -> Support:
+def independent_support(asked: Asked) -> Support:
     """The largest power with independent signs, which lies on an edge of the box.
 
     On a piece of an edge let c1 be the chord of c: above c, for c is convex. Power grows with c,
@@ -158,13 +166,13 @@ def independent_support(asked: Asked, halvings: int) -> Support:
     rows, ends = within_quadrants(asked.boxes, np.where(free, side, 0.0))
     corner = box_corners(ends * asked.half[rows])
     edges = np.concatenate([corner[[a, b]] for a, b in ((0, 2), (2, 3), (1, 3), (0, 1))], axis=1)
-    cuts = int(halvings / np.log2(SUPPORT.pieces)) + 1
+    cuts = int(asked.halvings / np.log2(SUPPORT.pieces)) + 1
     every = np.tile(rows, 4)
     upper, centre = asked.largest(every, edges, found, SUPPORT.edges, cuts, _cut_edges)
     return upper, np.where(free, np.abs(centre), centre)
 
 
-def levered_support(lever: Lever, is_limited: bool, asked: Asked, halvings: int) -> Support:
+def levered_support(lever: Lever, is_limited: bool, asked: Asked) -> Support:
     """The largest power with torsion about a lever. For Eq. 30 alone it lies at corners of boxes,
     and no centres are returned; with Eq. 27 beside it boxes are halved along both axes."""
 
@@ -173,14 +181,12 @@ def levered_support(lever: Lever, is_limited: bool, asked: Asked, halvings: int)
         arm = np.stack([rectangle_arm(asked.half[j], np.abs(corner)) for corner in e])
         shares = Shares(lever, asked.w[j], asked.friction[j], e, arm)
         if is_limited:
-            return e, shares.each(), shares.together(sections)
+            return e, shares.each(), shares.together(asked.precision)
         power = shares.power(shares.twist)  # Eq. 30 alone has all of it
         return e, power, power.max(axis=0)
 
     rows, ends = within_quadrants(asked.boxes)
-    most = 2 * halvings if is_limited else 0
-    coarse = np.log(max(asked.precision, 1e-300)) / np.log(0.4)
-    sections = min(SUPPORT.sections, int(coarse) + 1)
+    most = 2 * asked.halvings if is_limited else 0
     upper, centre = asked.largest(rows, ends * asked.half[rows], found, SUPPORT.boxes, most)
     return upper, centre if is_limited else np.full_like(centre, np.nan)
 
@@ -210,13 +216,6 @@ class Shares:
         first = np.maximum(slip, self.arm * np.abs(share))
         return self.moment + self.friction * (first + self.arm * np.abs(self.twist - share))
 
-    def roughly(self) -> FloatArray:
-        """An upper bound (k,) on :meth:`together`, by a few shares."""
-        low, high = self.low.min(axis=0), self.high.max(axis=0)
-        tried = np.linspace(0.0, 1.0, SUPPORT.shares)
-        powers = [self.power(low + share * (high - low)).max(axis=0) for share in tried]
-        return np.asarray(np.min(powers, axis=0))
-
     def each(self) -> FloatArray:
         """The least power (p, k), every centre with a share of its own: at an end, where slip and
         torsion of Eq. 30 are equal, or where the slope of slip is 0 or that of torsion."""
@@ -232,21 +231,23 @@ class Shares:
             np.min([self.power(np.clip(share, self.low, self.high)) for share in tried], axis=0)
         )
 
-    def together(self, sections: int = SUPPORT.sections) -> FloatArray:
-        """The least (k,) of what a share of all centres of a contact leaves to the best of them;
-        fewer ``sections`` leave a bit more than that."""
+    def together(self, precision: float) -> FloatArray:
+        """The least (k,) of what a share of all centres of a contact leaves to the best of them,
+        and a bit more, for the share is sought to a ``precision`` of its range."""
         low, high = self.low.min(axis=0), self.high.max(axis=0)
-        return _least(lambda shares: self.power(shares[:, None]).max(axis=1), low, high, sections)
+        within = max(precision, SUPPORT.boxes)
+        return _least(lambda shares: self.power(shares[:, None]).max(axis=1), low, high, within)
 
 
 def _least(
-    f: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, sections: int
+    f: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, within: float
 ) -> FloatArray:
-    """The least of a convex function, some shares (m, ...) at a time: calls of NumPy cost most."""
+    """The least of a convex function, four shares (4, ...) at a time, for calls of NumPy cost most:
+    the two fifths of the range beside the best of them are left, until it is ``within`` a share."""
     best = f(np.stack([low, high])).min(axis=0)
-    steps = np.arange(1.0, SUPPORT.at_a_time + 1.0).reshape(-1, *np.ones(low.ndim, dtype=int))
-    for _ in range(sections):
-        span = (high - low) / (SUPPORT.at_a_time + 1.0)
+    steps = np.arange(1.0, 5.0).reshape(-1, *np.ones(low.ndim, dtype=int))
+    for _ in range(int(np.log(within) / np.log(0.4)) + 1):
+        span = (high - low) / 5.0
         found = f(low + steps * span)
         least = found.argmin(axis=0)
         best = np.minimum(best, found.min(axis=0))
