@@ -12,12 +12,11 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import positive
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.dynamics.convex import convex_pieces
-from cvxlimit.extensions.dynamics.record import G
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import second_moments
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import METRES, Scene
-from cvxlimit.scene.units import KILONEWTONS
+from cvxlimit.scene.units import KILONEWTONS, G
 
 IMPEDANCE = 0.99
 """Share of a contact's acceleration that its own stiffness decides; MuJoCo lets it vary with the

@@ -17,10 +17,11 @@ from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extensions.dynamics.history import Ending, Motion, TimeHistory
 from cvxlimit.extensions.dynamics.mjcf import metres, mjcf
-from cvxlimit.extensions.dynamics.record import G, Record
+from cvxlimit.extensions.dynamics.record import Record
 from cvxlimit.results.movement import checked_control
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
+from cvxlimit.scene.units import G
 
 STEP = 3e-3
 """The longer step, over the time in which the smallest block falls by half its size (the root of

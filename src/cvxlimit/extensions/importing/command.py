@@ -64,7 +64,7 @@ class Geometry:
     up: str | None = option("AXIS", "Axis that points up, x, y or z; nothing is turned.")
     density: float | None = option("G", "Weight per volume of all blocks, in place of the files'.")
     density_factor: float | None = option(
-        "F", "Turns the files' densities into weight per volume; kg/m3 to kN/m3: 0.00980665."
+        "F", "Turns the files' densities into weight per volume; kg/m3 to kN/m3: 0.00981."
     )
     friction: float | None = option("MU", "Coulomb coefficient of all contacts.")
     supports: str | None = option(

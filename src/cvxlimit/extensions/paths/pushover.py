@@ -285,7 +285,7 @@ def _change(path: Path, half: Path) -> tuple[float, str]:
     """How much half the step changes of a path, as a share, and in words."""
     unit = path.scene.units.length
     ends = (x.d0 if np.isfinite(x.d0) else x.displacement[-1] for x in (path, half))
-    one, other = (f"{w:.4g} {unit} ({x.status})" for w, x in zip(ends, (path, half), strict=True))
+    one, other = (f"{w:.4g} {unit} ({x.ending})" for w, x in zip(ends, (path, half), strict=True))
     reached = path.w[path.w <= half.w[-1]]
     change = np.interp(reached, half.w, half.load_factor) - path.load_factor[: len(reached)]
     most = change[np.abs(change).argmax()] / abs(path.load_factor[0])
