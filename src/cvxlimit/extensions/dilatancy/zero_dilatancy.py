@@ -20,7 +20,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.extensions.dilatancy.agreement import about_zero, agreement
-from cvxlimit.extensions.dilatancy.least_thrust import PATIENCE, is_covered, lower_bound
+from cvxlimit.extensions.dilatancy.least_thrust import affordable, is_covered, lower_bound
 from cvxlimit.extensions.dilatancy.members import Verifier
 from cvxlimit.extensions.dilatancy.pair import Pair, pressed
 from cvxlimit.methods.answer import Answer
@@ -376,7 +376,7 @@ class _Searches:
 
     def _bound_from_below(self) -> None:
         """Raises the run's lower bound by what least thrusts prove of all solutions. This may take
-        as long as the search has taken so far."""
+        as many problems as the search has taken so far."""
         run = self.run
         if not is_covered(run):
             return
@@ -385,7 +385,7 @@ class _Searches:
         states = [] if self.verifier.strength.is_internal else members
         run.tell("bounding solutions without dilatancy from below")
         known = [(member.forces, member.load_factor) for member in states]
-        bound = lower_bound(run, lowest, known, max(PATIENCE, run.clock.elapsed))
+        bound = lower_bound(run, lowest, known, max(affordable(run), len(run.history)))
         if bound.load_factor > 0.0:
             bracket = run.best.bracket.raised(bound.load_factor, True)
             run.best = replace(run.best, bracket=bracket)

@@ -342,8 +342,8 @@ class _End(NamedTuple):
 
 
 def _ends(path: Path, runs: Sequence[Path]) -> list[_End]:
-    """Ends of the runs of a path that get there, the least displacement first; of those that are the
-    same in four digits, as they are told, that of the finer run."""
+    """Ends of the runs of a path that get there, the least displacement first; of those that are
+    the same in four digits, as they are told, that of the finer run."""
     ends = list[_End]()
     for run in runs:
         name = "by the other flow rule" if run is path.other_flow else "with half the step"
