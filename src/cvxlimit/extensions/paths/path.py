@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -326,6 +326,13 @@ class Path:
         """What has come apart since the row above, for each row: cohesion and ties."""
         after = np.append(np.nan, self.w[:-1])
         return [", ".join(what for at, what in self.failures if at == w) for w in after]
+
+    def with_control(
+        self, control: tuple[str, tuple[float, float, float]] | None
+    ) -> Path:  # fmt: skip
+        """The path, and its further runs, with the displacement of another ``control``."""
+        runs = [run and replace(run, control=control) for run in (self.halved, self.other_flow)]
+        return replace(self, control=control, halved=runs[0], other_flow=runs[1])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the path with its scene to a JSON file, complete or not at all;
