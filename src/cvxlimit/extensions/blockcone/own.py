@@ -155,9 +155,9 @@ def _told(program: Program, result: Result, is_warm: bool) -> str:
     """Returns a line on a solve."""
     c, _, b, (_, _, soc) = program
     return (
-        f"{len(c):,} variables, {len(b):,} rows, {len(soc):,} cones; {result.iterations} iterations "
-        f"from a {'warm' if is_warm else 'cold'} start, {result.seconds:.4f} s; {result.status}, "
-        f"objective {result.objective:.12g}"
+        f"{len(c):,} variables, {len(b):,} rows, {len(soc):,} cones; {result.iterations} "
+        f"iterations from a {'warm' if is_warm else 'cold'} start, {result.seconds:.4f} s; "
+        f"{result.status}, objective {result.objective:.12g}"
     )
 
 

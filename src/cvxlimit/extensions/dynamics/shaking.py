@@ -263,6 +263,7 @@ def shake(
     >>> shaking.falls, round(shaking.residual.value, 3)  # doctest: +SKIP
     (False, 1.046)
     """
+    # What is asked, in metres and seconds; times go with those in which blocks fall.
     check_scene(scene)
     of_type(record, Record, "record must be a Record", 'pulse("sine", 0.5, 1.0) makes one')
     about = None if control is None else checked_control(scene, control)
@@ -278,6 +279,7 @@ def shake(
         ROUNDS * float(np.sqrt(span / g)) if after is None else positive(after, "after")
     )
     kept = max(1, round((20 * longer if every is None else positive(every, "every")) / longer))
+    # Four runs of one model: long and short steps, each with soft and stiff contacts.
     mujoco = needed("mujoco", "dynamics", "motions in time")
     model = mujoco.MjModel.from_xml_string(mjcf(scene, g))
     gravity = np.array(model.opt.gravity)
@@ -290,11 +292,7 @@ def shake(
             for solref in (model.geom_solref, model.pair_solref):
                 solref[:, 0] = soft * longer
             motion = Motion(mujoco, model, scene, length, start)
-            ended = motion.run(record, along, until, parts * kept, fall, g)
-            histories.append(
-                TimeHistory(longer / parts, soft * longer, *motion.kept(), *ended,
-                            motion.deepest / length)
-            )  # fmt: skip
+            histories.append(motion.run(record, along, until, parts * kept, fall, g))
     return Shaking(scene, record, along, tuple(histories), about)
 
 
