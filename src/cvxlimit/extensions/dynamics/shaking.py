@@ -269,10 +269,7 @@ def shake(
     about = None if control is None else checked_control(scene, control)
     length, g = metres(scene), positive(g, "g")
     along = _direction(scene, direction)
-    free = [scene.blocks[i] for i in scene.free]
-    smallest = length * min(block.size for block in free)
-    points = length * np.concatenate([block.vertices for block in free])
-    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    smallest, span = _sizes(scene, length)
     fall = float(np.sqrt(smallest / g))
     longer = STEP * fall if step is None else positive(step, "step")
     until = record.duration + (
@@ -294,6 +291,13 @@ def shake(
             motion = Motion(mujoco, model, scene, length, start)
             histories.append(motion.run(record, along, until, parts * kept, fall, g))
     return Shaking(scene, record, along, tuple(histories), about)
+
+
+def _sizes(scene: Scene, length: float) -> tuple[float, float]:
+    """Sizes of the smallest free block and of all of them together, in units of ``length``."""
+    free = [scene.blocks[i] for i in scene.free]
+    points = length * np.concatenate([block.vertices for block in free])
+    return length * min(b.size for b in free), float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def _spread(values: Sequence[float]) -> Spread:

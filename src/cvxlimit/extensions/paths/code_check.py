@@ -270,11 +270,6 @@ def code_check(
         move as one.
     """
     scene = of_type(path, Path, "path must be a Path", "pushover(scene) makes one").scene
-    if path.initial is None:
-        raise InputError(
-            f"the code check is of a mechanism at rest, and the path of {scene.name!r} starts "
-            "displaced: follow the structure as it was before"
-        )
     factor, gravity = positive(confidence_factor, "confidence factor"), _gravity(g, scene.units)
     # The oscillator: accelerations over load factors, displacements over those of the control.
     one = oscillator(path, groups, own_inertia)

@@ -107,12 +107,7 @@ class Walk(Rest):
         if self.found[-1].shown.load_factor <= until:
             since = "from the start" if len(self.found) == 1 else "where blocks are followed"
             return "zero", f"the load factor is no more than {until:g} {since}"
-        h = self.step = step or self.size / 40.0
-        h = h if marks is None else self._to_next(marks)
-        before = self.found[-2:-1]
-        if before and before[0].shown.is_followed:  # as far as explicit steps went
-            h = min(h, self.found[-1].shown.w - before[0].shown.w)
-        pace = np.inf
+        h, pace = self._first_step(step, marks), np.inf
         while len(self.found) <= MOST:
             # One step, halved where no equilibrium is found.
             here = self.found[-1]
@@ -141,6 +136,15 @@ class Walk(Rest):
             else:
                 h = min(step, 2.0 * h) if step else self._longer(h, here, there, until)
         return "steps", f"{MOST} configurations did not bring the load factor down to {until:g}"
+
+    def _first_step(self, step: float | None, marks: FloatArray | None) -> float:
+        """Returns the step to begin with: the one given, up to the next mark, and after explicit
+        steps as far as these went."""
+        h = self.step = step or self.size / 40.0
+        h = h if marks is None else self._to_next(marks)
+        before = self.found[-2:-1]
+        is_after = before and before[0].shown.is_followed
+        return min(h, self.found[-1].shown.w - before[0].shown.w) if is_after else h
 
     def _has_kept_a_jump(self, here: At, there: At, pace: float) -> bool:
         """Returns whether there is a jump between two configurations. It is kept with what led

@@ -60,11 +60,16 @@ def oscillator(path: Path, groups: Iterable[Iterable[str]], own_inertia: bool) -
     Raises
     ------
     InputError
-        For a live load that is no horizontal acceleration, groups that do not move as one, and a
-        control point that does not move along its direction.
+        For a path that starts displaced, a live load that is no horizontal acceleration, groups
+        that do not move as one, and a control point that does not move along its direction.
     """
-    scene, found = path.scene, (path.initial and path.initial.mechanism) or {}
-    along, push = _push(scene)
+    scene = path.scene
+    if path.initial is None:
+        raise InputError(
+            f"the code check is of a mechanism at rest, and the path of {scene.name!r} starts "
+            "displaced: follow the structure as it was before"
+        )
+    found, (along, push) = path.initial.mechanism or {}, _push(scene)
     free = [scene.blocks[i] for i in scene.free]
     every = np.array([found.get(block.id, np.zeros(6)) for block in scene.blocks])
     rates, speed = every[scene.free], corner_speeds(scene, every)[scene.free]

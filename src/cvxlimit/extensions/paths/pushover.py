@@ -162,7 +162,7 @@ def pushover(
     scene = scene.scene if isinstance(scene, Path) else scene
     check_scene(scene)
     scene, why_not = begun(scene)
-    for name, value in (("flow", flow), ("certify", certify), ("pressures", pressures)):
+    for name, value in (("flow", flow), ("certify", str(certify)), ("pressures", pressures)):
         if value not in (None, *_CHOICES[name]):
             known = ", ".join(_CHOICES[name])
             raise ModelError(f"{name} must be one of {known}, got {value!r}")
