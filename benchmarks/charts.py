@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
+from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.files import write_file
 from cvxlimit.extensions.compare.chart import draw_time_against_error, few_ticks
 from cvxlimit.extensions.compare.models import Row
-from cvxlimit.plotting.chart import label_lines
 
 __all__ = ["few_ticks", "figure_of", "name_lines", "save", "stacked", "top_legend"]
 
@@ -45,6 +48,41 @@ def name_lines(figure: Figure, plots: Iterable[Axes]) -> None:
     figure.draw_without_rendering()
     for axes in plots:
         label_lines(axes, LETTERS)
+
+
+def label_lines(axes: Axes, letters: float) -> None:
+    """Every line's name beside it in its colour, in place of a legend: in a column on the right, no
+    two over each other where the height allows it, with a hairline to the line's last point;
+    ``letters`` are points. Call it when all is drawn and the limits are final."""
+    figure: Any = axes.get_figure(root=True)
+    named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
+    seen = [line.get_transform().transform(line.get_xydata())[-1] for line in named]
+    ends = axes.transData.inverted().transform(np.array(seen).reshape(-1, 2))
+    shown = axes.transAxes.inverted().transform(np.array(seen).reshape(-1, 2))
+    each = 1.25 * letters / 72.0 / (axes.get_position().height * figure.get_figheight())
+    place = spread(shown[:, 1], min(each, 1.0 / max(len(named), 1)))
+    for line, (x, y), at in zip(named, ends.tolist(), place.tolist(), strict=True):
+        axes.annotate(
+            str(line.get_label()), (x, y), (1.02, at), textcoords="axes fraction",
+            color=line.get_color(), fontsize=letters, va="center", annotation_clip=False,
+            parse_math=False, arrowprops={
+                "arrowstyle": "-", "color": line.get_color(), "lw": 0.5, "alpha": 0.6,
+                "shrinkA": 1, "shrinkB": 3, "relpos": (0, 0.5),
+            },
+        )  # fmt: skip
+
+
+def spread(wanted: FloatArray, each: float) -> FloatArray:
+    """Heights near those wanted, at least ``each`` apart, in their order and from 0 to 1."""
+    order = np.argsort(wanted, kind="stable")
+    result = np.clip(wanted, 0.0, 1.0)
+    for one, other in pairwise(order):
+        result[other] = max(result[other], result[one] + each)
+    over = 1.0
+    for k in order[::-1]:
+        result[k] = min(result[k], over)
+        over = result[k] - each
+    return np.asarray(result)
 
 
 def top_legend(figure: Figure, axes: Axes, columns: int) -> None:

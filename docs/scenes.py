@@ -15,7 +15,6 @@ from cvxlimit import builtin_scene, solve
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.plotting import mechanism_of
 from cvxlimit.plotting.drawing import drawn
-from cvxlimit.plotting.sheet import Sheet
 
 CARD = """:::{{grid-item-card}} {name}
 ![{name}, as it falls](/_made/pictures/{name}.png)
@@ -48,8 +47,9 @@ def card(name: str, made: Path) -> str:
     solution = solve(builtin_scene(name))
     seconds = process_time() - started
     bare = replace(mechanism_of(solution.scene, solution), has_axes=False, bar=None)
-    sheet = Sheet(figsize=(3.4, 2.7), title="", legend=False)  # words are too small on a card
-    drawn(bare, sheet).savefig(made / "pictures" / f"{name}.png", dpi=150)
+    # Words are too small on a card.
+    shown = drawn(bare, figsize=(3.4, 2.7), title="", legend=False)
+    shown.savefig(made / "pictures" / f"{name}.png", dpi=150)
     solution.plot("page", made / "site" / "live" / f"{name}.html")
     return CARD.format(
         name=name,

@@ -5,6 +5,7 @@ Nothing heavy is imported here before Ctrl-C is taken care of.
 
 import os
 import signal
+import sys
 from types import FrameType
 from typing import NoReturn
 
@@ -13,6 +14,8 @@ INTERRUPTED = 130
 
 
 def main() -> NoReturn:
+    if sys.flags.optimize > 1:
+        sys.exit("cvxlimit: options are read from docstrings, which python -OO leaves out")
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, _stop)

@@ -16,17 +16,20 @@ OFFERED: Offered = {
         "parabolic": "cvxlimit.surfaces.coulomb:PARABOLIC_SURFACES",
     },
     "cvxlimit.commands": {
-        "solve": "cvxlimit.cli.solving:solve_command",
-        "explain": "cvxlimit.cli.solving:explain_command",
-        "show": "cvxlimit.cli.solving:show_command",
-        "settle": "cvxlimit.cli.solving:settle_command",
-        "export": "cvxlimit.cli.exporting:export_scene_command",
-        "export-problem": "cvxlimit.cli.exporting:export_command",
-        "prove": "cvxlimit.cli.proving:prove_command",
+        "solve": "cvxlimit.cli.solving:SolveCommand",
+        "explain": "cvxlimit.cli.looking:ExplainCommand",
+        "show": "cvxlimit.cli.looking:ShowCommand",
+        "settle": "cvxlimit.cli.solving:SettleCommand",
+        "export": "cvxlimit.cli.exporting:ExportCommand",
+        "export-problem": "cvxlimit.cli.exporting:ExportProblemCommand",
+        "prove": "cvxlimit.cli.proving:ProveCommand",
     },
     "cvxlimit.documents": {
         "scene": "cvxlimit.io.scenes:SCENE",
         "result": "cvxlimit.io.results:RESULT",
+    },
+    "cvxlimit.proofs": {
+        "cvxlimit-result": "cvxlimit.proving.solutions:prove_result",
     },
     "cvxlimit.loads": {
         "earth_pressure": "cvxlimit.scene.surroundings:earth_pressure",

@@ -6,8 +6,10 @@ block by block in a loop, conditions are the paper's equations written out once 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import Block, Contacts, Load, Scene, Solution, Status, builtin_scene
 from cvxlimit.geometry.contacts import Contact
 from cvxlimit.geometry.polygons import mean_distance
+from cvxlimit.io import result_from_dict, result_to_dict
 from cvxlimit.masonry import arch, panel, running_bond, wall
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.solvers import blockwise
@@ -31,6 +34,16 @@ TOLERANCE = 1e-5
 """Default width of a bracket: what every certified solution promises."""
 
 COMPILED = pytest.mark.skipif(not blockwise(), reason="our own solver is not compiled here")
+
+
+def document(solution: Solution) -> Any:
+    """Its file, as it is read."""
+    return json.loads(json.dumps(result_to_dict(solution)))
+
+
+def read(solution: Solution) -> Solution:
+    """The solution as it is in a file."""
+    return result_from_dict(document(solution))
 
 
 def assert_certified(

@@ -12,6 +12,14 @@ BOUNDLESS = 1e4
 """Load factors beyond this are none: the scenes are of the size of 1."""
 
 
+def leaning_cube() -> Scene:
+    """0.1 to 1.1 of a push hold it: 0.6 of its weight pulls, and friction is 0.5."""
+    ground = Block.box("g", (-5, -5, -1), (5, 5, 0))
+    cube = Block.box("c", (0, 0, 0), (1, 1, 0.5), 1.0)
+    dead = Load(gravity=(0, 0, -1), acceleration=(0.6, 0, 0))
+    return Scene([ground, cube], ["g"], Load(acceleration=(-1, 0, 0)), dead, friction=0.5)
+
+
 def ends(scene: Scene) -> tuple[float, float] | None:
     """Both ends of the load factors that are carried, infinite where there is none; None if no
     factor is. Compressions at corners, one cone a contact (Eq. 9 and 24)."""

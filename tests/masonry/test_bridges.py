@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import dblquad
 from scipy.optimize import linprog
 
 from cvxlimit import Load, Reaction, Road, Scene, Status, Vehicle, envelope, passive, solve
@@ -273,6 +274,18 @@ class TestLoads:
             road.load(-5.0, 100.0)
         with pytest.raises(InputError, match="lies below a face"):
             Road(scene, 1.0).load(3.0, 100.0)
+
+    def test_an_elastic_half_space(self) -> None:
+        """Flamant's line loads, along a strip of 0.3 m, at a depth of 0.5 m beside a beam's end."""
+        depth, cut = 0.5, 0.15 + 0.5 * np.tan(np.radians(30.0))
+
+        def below(x: float, s: float) -> float:
+            return 2.0 * depth**3 / (np.pi * ((x - s) ** 2 + depth**2) ** 2)
+
+        beyond, whole = (dblquad(below, -0.15, 0.15, -cut, end)[0] for end in (-0.1, cut))
+        beam = stack(1, size=(4.0, 1.0, 0.5))
+        found = Road(beam, 0.5 + depth).load(0.1, 100.0, spread="boussinesq")
+        assert found.lost == pytest.approx(100.0 * beyond / whole, rel=1e-9)
 
 
 class TestVehicles:

@@ -17,7 +17,6 @@ from cvxlimit.compare import Comparison
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.compare.models import Row
 from cvxlimit.extensions.compare.registry import registry
-from cvxlimit.plotting.chart import spread
 from cvxlimit.studies import LoadDomain, compare_domains, load_domain
 
 COLUMN = (3.4, 3.2)
@@ -69,7 +68,7 @@ def test_charts_take_what_pictures_take(name: str, tmp_path: Path) -> None:
     figure = chart.plot(figsize=COLUMN)
     assert figure.get_size_inches().tolist() == list(COLUMN)
     assert_legible(figure, 8)
-    assert chart.plot(figsize=COLUMN, title="Mine").axes[0].get_title() == "Mine"
+    assert chart.plot(figsize=COLUMN, title="Mine").get_suptitle() == "Mine"
     bare = chart.plot(figsize=COLUMN, legend=False)
     assert not bare.legends
     assert bare.axes[0].get_legend() is None
@@ -92,22 +91,3 @@ def test_files_of_domains() -> None:
         found.plot("domain.png", ax=own)
     with pytest.raises(InputError, match="a page has no title: leave it out"):
         found.plot("domain.html", title="Mine")
-
-
-def test_many_names_stand_below_where_they_do_not_fit() -> None:
-    figure = comparison().plot(figsize=COLUMN)
-    assert {text.get_text() for text in figure.legends[0].get_texts()} >= {
-        "cvxlimit",
-        "Pareto front",
-    }
-    wide = comparison().plot()
-    assert not wide.legends
-    assert {"cvxlimit", "cone, Clarabel"} <= {text.get_text() for text in wide.axes[0].texts}
-
-
-@pytest.mark.parametrize("wanted", [[0.5, 0.5, 0.5, 0.51], [0.0, 0.0, 1.0], [1.2, -0.3, 0.4], []])
-def test_names_beside_lines_keep_apart_and_in_order(wanted: list[float]) -> None:
-    place = spread(np.array(wanted), 0.1)
-    order = np.argsort(wanted, kind="stable")
-    assert (np.diff(place[order]) >= 0.1 - 1e-12).all()
-    assert all(0.0 <= at <= 1.0 for at in place)

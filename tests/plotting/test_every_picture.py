@@ -150,7 +150,7 @@ def test_a_picture_is_drawn_where_overlays_fail(
 
 def test_joints_are_found_where_unions_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     """A joint in pieces, one of them a hair's breadth wide: grouped on a coarser grid."""
-    from cvxlimit.geometry.polygons import _bearing
+    from cvxlimit.geometry.outlines import _bearing
 
     boxes = [(0, 0, 1, 1), (1, 0, 2, 1), (3, 0, 3 + 1e-7, 1)]
     pieces = [np.array([(a, b), (c, b), (c, d), (a, d)], dtype=float) for a, b, c, d in boxes]

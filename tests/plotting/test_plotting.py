@@ -425,7 +425,7 @@ def test_no_mechanism_is_drawn_undeformed(wall, tmp_path):
         assert all(p.stat().st_size > 1000 for p in plot(wall, failed, tmp_path / name))
     drawn = figure(wall, failed)
     assert len(drawn.axes) == 1
-    assert drawn.texts[0].get_text() == "bench wall, Coulomb friction: live load does no harm"
+    assert drawn.get_suptitle() == "bench wall, Coulomb friction: live load does no harm"
     assert "block (no mechanism)" in [t.get_text() for t in drawn.legends[0].get_texts()]
 
 
@@ -464,7 +464,7 @@ def test_plotting_imports_nothing_heavy():
 
 
 def test_missing_matplotlib_is_one_clear_error(wall, solved, tmp_path, monkeypatch):
-    for name in ("drawing", "axes"):
+    for name in ("drawing", "axes", "sheet"):
         monkeypatch.delattr(plotting, name, raising=False)
         monkeypatch.delitem(sys.modules, f"cvxlimit.plotting.{name}", raising=False)
     for name in [n for n in sys.modules if n.startswith("matplotlib")]:

@@ -110,8 +110,8 @@ def test_the_legend_counts_what_is_there() -> None:
     legend = [text.get_text() for text in drawn.legends[0].get_texts()]
     assert {"bed joint (2)", "near miss (1)", "dead load", "live load", "support"} <= set(legend)
     refusal = scene_figure(scene(LEFT, CROWDED))
-    texts = " ".join(text.get_text() for text in refusal.texts).replace("\n", " ")
-    assert "refused: blocks 'left' and 'crowded' interpenetrate" in texts
+    caption = refusal.legends[0].get_title().get_text().replace("\n", " ")
+    assert "refused: blocks 'left' and 'crowded' interpenetrate" in caption
 
 
 @pytest.mark.exhaustive

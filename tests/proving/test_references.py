@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -20,23 +19,12 @@ from cvxlimit.model.program import LimitProgram
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution.bracket import Bracket, Reference
 from cvxlimit.surfaces import Rocking, TorsionShear
+from helpers import document, read
+from intervals import leaning_cube
 
 PUSH = Load(acceleration=(1, 0, 0))
 SURFACES = [Rocking(), TorsionShear()]
 BUTTRESS = builtin_scene("flying-buttress")
-
-
-def read(solution: Solution) -> Solution:
-    """As it is in a file."""
-    return result_from_dict(json.loads(json.dumps(result_to_dict(solution))))
-
-
-def leaning_cube() -> Scene:
-    """0.1 to 1.1 of a push hold it: 0.6 of its weight pulls, and friction is 0.5."""
-    ground = Block.box("g", (-5, -5, -1), (5, 5, 0))
-    cube = Block.box("c", (0, 0, 0), (1, 1, 0.5), 1.0)
-    dead = Load(gravity=(0, 0, -1), acceleration=(0.6, 0, 0))
-    return Scene([ground, cube], ["g"], Load(acceleration=(-1, 0, 0)), dead, friction=0.5)
 
 
 CASES: dict[str, tuple[Scene, dict[str, Any]]] = {
@@ -235,7 +223,7 @@ def test_a_state_with_live_load_serves_intervals_only() -> None:
 
 
 def test_damaged_states_are_refused_on_reading() -> None:
-    given = json.loads(json.dumps(result_to_dict(solved("state of projections"))))
+    given = document(solved("state of projections"))
     for change, why in (
         ({"forces": [[1.0, 2.0]]}, "force on contact 0"),
         ({"forces": "none"}, "forces"),

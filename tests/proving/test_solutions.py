@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -14,13 +13,13 @@ from hypothesis import given, settings
 
 from cvxlimit import Block, Certified, Load, Scene, Solution, Status, builtin_scene, prove, solve
 from cvxlimit.errors import InputError
-from cvxlimit.io import result_from_dict, result_to_dict
+from cvxlimit.io import result_from_dict
 from cvxlimit.masonry import panel
 from cvxlimit.proof.checks import SLACK
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
-from helpers import scenes
-from intervals import leaning
+from helpers import document, read, scenes
+from intervals import leaning, leaning_cube
 from mutations import passing
 
 X, DOWN = Load(acceleration=(1, 0, 0)), Load(acceleration=(0, 0, -1))
@@ -34,11 +33,6 @@ class Ellipse(YieldSurface):
     def conditions(self, contacts):
         size = Norm({"V1": 1}, {"V2": 1}, {"MT": 1 / contacts.torsion_arm})
         return [Condition([size], {"N": contacts.friction})]
-
-
-def read(solution: Solution) -> Solution:
-    """As it is in a file."""
-    return result_from_dict(json.loads(json.dumps(result_to_dict(solution))))
 
 
 WALL, ARCH, STONE = (builtin_scene(name) for name in ("tuff-wall", "arch", "single-block"))
@@ -214,18 +208,8 @@ def assert_rests_on_a_tree(held: Solution) -> None:
     assert len(proof.of("proved")) == 2
 
 
-def interval() -> Scene:
-    """A cube that slides but for a push against it: 0.1 to 1.1 times it."""
-    ground, cube = (
-        Block.box("g", (-5, -5, -1), (5, 5, 0)),
-        Block.box("c", (0, 0, 0), (1, 1, 0.5), 1.0),
-    )
-    dead = Load(gravity=(0, 0, -1), acceleration=(0.6, 0, 0))
-    return Scene([ground, cube], ["g"], Load(acceleration=(-1, 0, 0)), dead, friction=0.5)
-
-
 def test_both_ends_of_an_interval_are_proved_again() -> None:
-    held, scene = read(solve(interval())), interval()
+    held, scene = read(solve(leaning_cube())), leaning_cube()
     end = held.lower_end
     assert (end.load_factor, held.load_factor) == pytest.approx((0.1, 1.1))
     proof = prove(held, scene)
@@ -365,10 +349,6 @@ def test_a_block_by_hand() -> None:
 # What follows from the numbers, and what was not looked at
 
 
-def document(case: str) -> Any:
-    return json.loads(json.dumps(result_to_dict(solved(case))))
-
-
 def missing(held: Solution, scene: Scene) -> list[str]:
     return [check.claim for check in prove(held, scene).missing]
 
@@ -402,7 +382,7 @@ def test_an_interrupted_bracket_is_named() -> None:
 @pytest.mark.parametrize("status", ["dead load cannot stand", "live load does no harm"])
 @pytest.mark.parametrize("number", ["load_factor", "upper"])
 def test_no_number_stands_beside_a_status_without_one(status: str, number: str) -> None:
-    given = document("arch") | {"status": status}
+    given = document(solved("arch")) | {"status": status}
     other = {"load_factor": "upper", "upper": "load_factor"}[number]
     with pytest.raises(InputError, match=f"{number} .* cannot stand beside status '{status}'"):
         result_from_dict(given | {other: None})
@@ -422,12 +402,12 @@ def test_the_share_of_dilatancy_follows_from_forces_and_mechanism() -> None:
 
 
 def test_units_are_those_of_the_scene() -> None:
-    given = document("wall") | {"units": {"length": "mm", "force": "N"}}
+    given = document(solved("wall")) | {"units": {"length": "mm", "force": "N"}}
     assert missing(result_from_dict(given), WALL) == ["units mm, N"]
 
 
 def test_what_is_not_looked_at_is_named() -> None:
-    given = document("wall") | {
+    given = document(solved("wall")) | {
         "note": "carries everything",
         "scene": "another",
         "model": ["parts"],
@@ -442,7 +422,7 @@ def test_what_is_not_looked_at_is_named() -> None:
 
 
 def test_files_of_versions_before_are_proved() -> None:
-    given = document("wall")
+    given = document(solved("wall"))
     for key in ("tolerance", "scene_digest", "units", "contact_names", "bracket"):
         given.pop(key, None)
     assert prove(result_from_dict(given), WALL).is_proved
@@ -450,16 +430,20 @@ def test_files_of_versions_before_are_proved() -> None:
 
 @pytest.mark.parametrize("case", ["harmless"])
 def test_no_aimed_change_passes(case: str) -> None:
-    assert not passing(document(case), lambda d: prove(result_from_dict(d), CASES[case][0]), 90)
+    assert not passing(
+        document(solved(case)), lambda d: prove(result_from_dict(d), CASES[case][0]), 90
+    )
 
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("case", ["arch", "wall", "mortar", "interaction", "falls", "harmless"])
 def test_none_of_three_hundred_aimed_changes_passes(case: str) -> None:
-    assert not passing(document(case), lambda d: prove(result_from_dict(d), CASES[case][0]), 300)
+    assert not passing(
+        document(solved(case)), lambda d: prove(result_from_dict(d), CASES[case][0]), 300
+    )
 
 
 @pytest.mark.exhaustive
 def test_none_of_three_hundred_aimed_changes_of_an_interval_passes() -> None:
-    given = json.loads(json.dumps(result_to_dict(solve(interval()))))
-    assert not passing(given, lambda d: prove(result_from_dict(d), interval()), 300)
+    given = document(solve(leaning_cube()))
+    assert not passing(given, lambda d: prove(result_from_dict(d), leaning_cube()), 300)

@@ -49,7 +49,7 @@ OUTSIDE = {"errors", "base", "geometry", "scene", "solution"}
 """All that files and pictures see besides themselves; pictures also see what is read off
 solutions, and which scene a result is of."""
 
-OWN_PICKLES = {"extensions.studies.rows"}
+OWN_PICKLES = {"base.search"}
 """Pickles that never leave the program: tasks for its own processes."""
 
 

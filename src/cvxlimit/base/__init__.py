@@ -1,1 +1,2 @@
-"""What every part of the package uses: arrays, checks, files, versions, progress, extras."""
+"""What every part of the package uses: arrays, checks, files, versions, progress,
+searches over many solves, extras."""

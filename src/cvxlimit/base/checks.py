@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 from typing import Any
 
@@ -46,6 +46,13 @@ def meant(
     alike = {each.lower(): each for each in sorted(known)}
     close = get_close_matches(str(name).lower(), alike, 1, likeness)
     return f"{before}did you mean {alike[close[0]]!r}?" if close else otherwise
+
+
+def check_known(name: object, known: Collection[str], what: str) -> None:
+    """Refuses a name that is not known; ``what`` begins the sentence: "there is no table"."""
+    if name not in known:
+        like = meant(name, known, before="; ")
+        raise InputError(f"{what} {name!r}: choose one of {', '.join(known)}{like}")
 
 
 def first_twice(names: Iterable[str]) -> str | None:

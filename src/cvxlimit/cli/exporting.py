@@ -1,23 +1,14 @@
 """``cvxlimit export``: a scene for other programs; ``export-problem``: its convex problem."""
 
-# ruff: noqa: RUF009  # options are field() of dataclasses
-
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from cvxlimit.base.versions import __version__
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import (
-    argument,
-    command_of,
-    either,
-    model_option,
-    option,
-    output_option,
-    surface_option,
-)
+from cvxlimit.cli.options import Command, either
 from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, scene_file, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.io.exporting import EXPORTS, export
@@ -33,68 +24,79 @@ from cvxlimit.surfaces.coulomb import SurfaceName, surfaces_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class Export:
-    """What ``cvxlimit export-problem`` is to write."""
+class ExportCommand(Command):
+    """Write the blocks of a scene for another program.
 
-    scene: str = argument()
-    format: str = option(
-        "NAME", f"{either(FORMATS)}: CBF has cones, MPS needs facets, npz has arrays.", ...
-    )
-    surface: str = surface_option()
-    model: str = model_option()
-    output: Path | None = output_option(
-        "OUT", "File; the scene's name in this folder unless given."
-    )
+    Model
+    -----
+    format : NAME
+        {formats}: blocks for other programs, contacts as a table, a model for MuJoCo.
 
+    Output
+    ------
+    output, -o : OUT
+        File; the scene's name in this folder unless given.
+    """
 
-@command_of(Export)
-def export_command(asked: Export) -> ExitCode:
-    """Write the convex problem that the solver gets, with its proved optimum in a comment."""
-    form = asked.format.lower()
-    check_choice("--format", form, FORMATS)
+    names: ClassVar = {"formats": either(kind[1:] for kind in EXPORTS)}
 
-    def exported(tell: Tell) -> tuple[Scene, ConeProgram, Path]:
-        scene = scene_named(asked.scene)
-        path = asked.output or Path(f"{Path(scene.name).name}.{form}")
-        check_outputs({"--output": path}, scene_file(asked.scene))
-        tell("solving for the proved optimum")
-        program, remarks = problem_of(scene, asked.surface, asked.model)  # type: ignore[arg-type]
-        write_program(program, path, form, scene.name.replace(" ", "-"), remarks)
-        return scene, program, path
+    scene: str
+    format: str
+    output: Path | None = None
 
-    scene, program, path = interruptible(exported)
-    rows, columns = program.matrix.shape
-    sizes = (columns, "variable"), (rows, "row"), (len(program.cones), "cone")
-    size = ", ".join(counted(number, what) for number, what in sizes)
-    show(facts([("scene", scene.name), ("size", size), ("written", str(path))]))
-    return ExitCode.SOLVED
+    def run(self) -> ExitCode:
+        form = self.format.lower()
+        check_choice("--format", form, [kind[1:] for kind in EXPORTS])
+        scene = scene_named(self.scene)
+        path = self.output or Path(f"{Path(scene.name).name}.{form}")
+        check_outputs([("--output", path, (f".{form}",))], scene_file(self.scene))
+        written = export(scene, path)
+        show(facts([("scene", scene.name), *(("written", str(file)) for file in written)]))
+        return ExitCode.SOLVED
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneExport:
-    """What ``cvxlimit export`` is to write."""
+class ExportProblemCommand(Command):
+    """Write the convex problem that the solver gets, with its proved optimum in a comment.
 
-    scene: str = argument()
-    format: str = option(
-        "NAME", f"{either(kind[1:] for kind in EXPORTS)}: blocks for other programs, contacts as a "
-        "table, a model for MuJoCo.", ...
-    )  # fmt: skip
-    output: Path | None = output_option(
-        "OUT", "File; the scene's name in this folder unless given."
-    )
+    Model
+    -----
+    format : NAME
+        {formats}: CBF has cones, MPS needs facets, npz has arrays.
 
+    Output
+    ------
+    output, -o : OUT
+        File; the scene's name in this folder unless given.
+    """
 
-@command_of(SceneExport)
-def export_scene_command(asked: SceneExport) -> ExitCode:
-    """Write the blocks of a scene for another program."""
-    form = asked.format.lower()
-    check_choice("--format", form, [kind[1:] for kind in EXPORTS])
-    scene = scene_named(asked.scene)
-    path = asked.output or Path(f"{Path(scene.name).name}.{form}")
-    check_outputs({"--output": path}, scene_file(asked.scene), output=(f".{form}",))
-    written = export(scene, path)
-    show(facts([("scene", scene.name), *(("written", str(file)) for file in written)]))
-    return ExitCode.SOLVED
+    names: ClassVar = {"formats": either(FORMATS)}
+
+    scene: str
+    format: str
+    surface: str = "conic"
+    model: str = "auto"
+    output: Path | None = None
+
+    def run(self) -> ExitCode:
+        form = self.format.lower()
+        check_choice("--format", form, FORMATS)
+
+        def exported(tell: Tell) -> tuple[Scene, ConeProgram, Path]:
+            scene = scene_named(self.scene)
+            path = self.output or Path(f"{Path(scene.name).name}.{form}")
+            check_outputs([("--output", path, ())], scene_file(self.scene))
+            tell("solving for the proved optimum")
+            program, remarks = problem_of(scene, self.surface, self.model)  # type: ignore[arg-type]
+            write_program(program, path, form, scene.name.replace(" ", "-"), remarks)
+            return scene, program, path
+
+        scene, program, path = interruptible(exported)
+        rows, columns = program.matrix.shape
+        sizes = (columns, "variable"), (rows, "row"), (len(program.cones), "cone")
+        size = ", ".join(counted(number, what) for number, what in sizes)
+        show(facts([("scene", scene.name), ("size", size), ("written", str(path))]))
+        return ExitCode.SOLVED
 
 
 def problem_of(

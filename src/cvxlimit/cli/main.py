@@ -25,7 +25,7 @@ from rich.text import Text
 
 from cvxlimit.base.doors import Door
 from cvxlimit.base.versions import __version__
-from cvxlimit.cli.options import Job
+from cvxlimit.cli.options import Job, typer_command
 from cvxlimit.cli.report import ExitCode, listing, refuse, show
 from cvxlimit.errors import CvxlimitError, InputError, ModelError, NoAnswerError
 from cvxlimit.io import json_schema
@@ -72,8 +72,17 @@ def _scenes_command(
 
 
 COMMANDS = Door("cvxlimit.commands")
+
+
+def _add(name: str) -> None:
+    """Take a command from its door: a record of options, or of others a function for Typer."""
+    made = COMMANDS[name]
+    command = typer_command(made) if isinstance(made, type) else made
+    app.command(name, epilog=getattr(command, "epilog", None))(command)
+
+
 for _name in COMMANDS:
-    app.command(_name, epilog=getattr(COMMANDS[_name], "epilog", None))(COMMANDS[_name])
+    _add(_name)
 
 
 def main() -> NoReturn:
@@ -121,7 +130,7 @@ def run(arguments: Sequence[str]) -> int:
 def _dispatch(arguments: list[str]) -> int:
     name = arguments[0]
     if not name.startswith("-") and name not in _known() and name in COMMANDS:
-        app.command(name)(COMMANDS[name])  # of another distribution
+        _add(name)  # of another distribution
     command: Any = typer.main.get_command(app)
     try:
         job = command.main(args=arguments, prog_name="cvxlimit", standalone_mode=False)

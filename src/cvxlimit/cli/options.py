@@ -1,17 +1,25 @@
-"""Commands as records: the fields of a dataclass are what a command takes.
+"""Commands as records: the fields of a dataclass are what a command takes, its docstring says it.
 
-Each field is made with :func:`argument` or :func:`option`, which keep what Typer needs to know in
-the field's metadata; :func:`command_of` makes the command from the record.
+Name, type and default of an option are those of the field. What stands for its value, and its help,
+are read from the docstring, in sections named for the groups of the help, as numpydoc has them::
+
+    Output
+    ------
+    csv, -c : FILE
+        Write a row for each step.
+
+What is given by its place stands under ``Arguments``, what ends the help under ``Exit code``. An
+option that the command does not describe is described by :class:`Command`.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import MISSING, field, fields
-from functools import partial
-from inspect import Parameter, Signature
-from typing import Annotated, Any, TypeVar, get_type_hints
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
+from inspect import Parameter, Signature, cleandoc
+from typing import Annotated, Any, ClassVar, get_type_hints
 
 import typer
 
@@ -19,138 +27,115 @@ from cvxlimit.base.progressbar import LOG
 from cvxlimit.cli.report import VOICE
 from cvxlimit.errors import InputError
 
-R = TypeVar("R")
 Job = Callable[[], int]
 """Work still to be done; returns the exit code."""
 
-SCENE = "Scene file, or name of a built-in scene."
 
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """What is given to a command, and :meth:`run`, which does it.
 
-def argument(help: str = SCENE, metavar: str = "SCENE") -> Any:
-    """A field that is given by its place on the command line, and must be given."""
-    return field(metadata={"typer": typer.Argument(metavar=metavar, help=help, show_default=False)})
+    Arguments
+    ---------
+    scene : SCENE
+        Scene file, or name of a built-in scene.
 
+    Model
+    -----
+    surface : NAME
+        Yield surface, as for solve: conic (default), octagon ...
+    model : NAME
+        Size of the model, as for solve: auto (default), full or least.
 
-MODEL, OUTPUT, EFFORT = "Model", "Output", "Effort"
-"""Groups of options in the help."""
-
-
-def option(
-    metavar: str, help: str, default: Any = None, *names: str, group: str = MODEL, **more: Any
-) -> Any:
-    """A field that is given by a flag: those in ``names``, or the field's name with dashes.
-
-    ``default`` is ``...`` for an option that must be given; no list or other value that can change,
-    which all calls would share. ``more`` is for :func:`typer.Option`.
+    Output
+    ------
+    json : FILE
+        JSON file of the result; - is stdout.
+    plot : [KIND:]FILE
+        Draw the mechanism, or what KIND says: {pictures}. Repeatable.
+    report : FILE.html
+        Page to print and to sign.
+    verbose, -v
+        Say more; report every step on stderr.
+    quiet, -q
+        Print nothing but errors.
     """
-    flag = typer.Option(
-        *names, metavar=metavar, help=help, show_default=False, rich_help_panel=group, **more
-    )
-    return field(default=MISSING if default is ... else default, metadata={"typer": flag})
 
+    names: ClassVar[Mapping[str, object]] = {}
+    """What is put in for {words} of the help."""
 
-_VERBOSITY = [
-    Parameter(
-        name,
-        Parameter.KEYWORD_ONLY,
-        default=False,
-        annotation=Annotated[
-            bool, typer.Option(f"--{name}", f"-{name[0]}", help=said, rich_help_panel=OUTPUT)
-        ],
-    )
-    for name, said in (
-        ("verbose", "Say more; report every step on stderr."),
-        ("quiet", "Print nothing but errors."),
-    )
-]
-"""Parameters that every command has beside those of its record."""
+    verbose: bool = False
+    quiet: bool = False
 
+    def run(self) -> int:
+        """Do the work and return the exit code."""
+        raise NotImplementedError
 
-def _with_voice(work: Job, verbose: bool, quiet: bool) -> Job:
-    """The work with the log on stderr, or without anything shown; afterwards all is as before."""
-    if verbose and quiet:
-        raise InputError("--verbose and --quiet exclude each other: leave one out")
-
-    def job() -> int:
+    def __call__(self) -> int:
+        """Run with the log on stderr, or with nothing shown; afterwards all is as before."""
+        if self.verbose and self.quiet:
+            raise InputError("--verbose and --quiet exclude each other: leave one out")
         handler = logging.StreamHandler()
         handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
-        level = LOG.level
-        token = VOICE.set(-1 if quiet else int(verbose))
+        level, voice = LOG.level, VOICE.set(self.verbose - self.quiet)
         try:
-            if verbose:
+            if self.verbose:
                 LOG.addHandler(handler)
                 LOG.setLevel(logging.INFO)
-            return work()
+            return self.run()
         finally:
-            VOICE.reset(token)
+            VOICE.reset(voice)
             LOG.removeHandler(handler)
             LOG.setLevel(level)
 
-    return job
+
+_SECTION = re.compile(r"\n*^(\w[\w ]*)\n-+\n", re.MULTILINE)
+_ENTRY = re.compile(r"^(\w+)(?:, (-\w))?(?: : (.+))?\n((?:    .+\n?)+)", re.MULTILINE)
 
 
-def command_of(
-    record: type[R], epilog: str | None = None
-) -> Callable[[Callable[[R], int]], Callable[..., Job]]:
-    """Decorator: a function of one such record becomes a Typer command with an option or argument
-    for each of its fields; ``epilog`` ends its help.
+def typer_command(kind: type[Command]) -> Callable[..., Job]:
+    """The function that Typer makes a command of, and its ``epilog``.
 
-    Typer takes parameters from the signature and the help from the docstring, which are therefore
-    put together here. The command does not do the work but returns it as a job, which ``main`` runs
-    outside Typer for its exit code: no error in the work is taken for a mistake in the options.
+    It does not do the work but returns it as a job, which ``main`` runs outside Typer for its exit
+    code: no error in the work is taken for a mistake in the options.
     """
-    hints = get_type_hints(record)
-    parameters = [
-        Parameter(
-            each.name,
-            Parameter.KEYWORD_ONLY,
-            default=Parameter.empty if each.default is MISSING else each.default,
-            annotation=Annotated[hints[each.name], each.metadata["typer"]],
+    # What docstrings say: group, short form, metavar and help of each option.
+    said = dict[str, tuple[str, ...]]()
+    for each in (Command, kind):
+        summary, *rest = _SECTION.split(cleandoc(each.__doc__ or ""))
+        sections = dict(zip(rest[::2], rest[1::2], strict=True))
+        for group, text in sections.items():
+            said |= {name: (group, *more) for name, *more in _ENTRY.findall(text)}
+
+    # A parameter for each field, those that all commands have last.
+    hints, parameters = get_type_hints(kind), []
+    for field in sorted(fields(kind), key=lambda field: field.name in ("verbose", "quiet")):
+        group, short, metavar, text = said[field.name]
+        words = " ".join(text.split()).format_map(kind.names)
+        shown: dict[str, Any] = {"metavar": metavar, "help": words, "show_default": False}
+        flags = [f"--{field.name.replace('_', '-')}", *filter(None, [short])]
+        made = (
+            typer.Argument(**shown)
+            if group == "Arguments"
+            else typer.Option(*flags, rich_help_panel=group, **shown)
         )
-        for each in fields(record)  # type: ignore[arg-type]
-    ]
+        parameters.append(
+            Parameter(
+                field.name,
+                Parameter.KEYWORD_ONLY,
+                default=Parameter.empty if field.default is MISSING else field.default,
+                annotation=Annotated[hints[field.name], made],
+            )
+        )
 
-    def decorate(work: Callable[[R], int]) -> Callable[..., Job]:
-        def command(*, verbose: bool, quiet: bool, **given: Any) -> Job:
-            return _with_voice(partial(work, record(**given)), verbose, quiet)
+    def command(**given: Any) -> Job:
+        return kind(**given)
 
-        command.__signature__ = Signature([*parameters, *_VERBOSITY])  # type: ignore[attr-defined]
-        command.__doc__ = work.__doc__
-        command.epilog = epilog  # type: ignore[attr-defined]
-        return command
-
-    return decorate
-
-
-def surface_option(default: str | None = "conic") -> Any:
-    """Of commands that solve; None is for one that must know whether it was given."""
-    return option("NAME", "Yield surface, as for solve: conic (default), octagon ...", default)
-
-
-def model_option() -> Any:
-    """Of commands that solve."""
-    return option("NAME", "Size of the model, as for solve: auto (default), full or least.", "auto")
-
-
-def output_option(metavar: str, help: str) -> Any:
-    return option(metavar, help, None, "--output", "-o", group=OUTPUT)
-
-
-def result_option() -> Any:
-    return option("FILE", "JSON file of the result; - is stdout.", group=OUTPUT)
-
-
-def rows_option(each: str) -> Any:
-    return option("OUT", f"Write a row {each}.", group=OUTPUT)
-
-
-def page_option(of: str) -> Any:
-    return option("OUT.html", f"Write a page to print and sign, {of}.", group=OUTPUT)
-
-
-def control_option(otherwise: str) -> Any:
-    said = f"Block and direction whose displacement is told; unless given, {otherwise}."
-    return option("BLOCK:X,Y,Z", said)
+    command.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    command.__doc__ = summary
+    ends = sections.get("Exit code")
+    command.epilog = ends and f"Exit code: {' '.join(ends.split())}"  # type: ignore[attr-defined]
+    return command
 
 
 def either(names: Iterable[str]) -> str:

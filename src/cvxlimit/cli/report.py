@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from contextvars import ContextVar
 from enum import IntEnum
@@ -68,30 +68,27 @@ def refuse(code: ExitCode, message: str) -> ExitCode:
 
 
 def check_outputs(
-    outputs: Mapping[str, Path | None], inputs: Mapping[str, str], **kinds: Collection[str]
+    outputs: Iterable[tuple[str, Path | None, Collection[str]]], inputs: Mapping[str, str]
 ) -> None:
-    """Refuse output files, given by option, that cannot be written, are taken, or end wrongly.
+    """Refuse output files that cannot be written, are taken, or end wrongly.
 
-    ``inputs`` names what each file that is read is, by path; ``kinds`` are suffixes by option.
+    ``outputs`` are an option, its file and the suffixes that are possible, none if all are;
+    ``inputs`` names what each file that is read is, by path.
     """
     seen = {os.path.realpath(path): name for path, name in inputs.items()}
-    for option, path in outputs.items():
+    for option, path, suffixes in outputs:
         if path is None:
             continue
-        reason = _obstacle(path)
-        if reason:
-            raise InputError(f"{_typed(option, path)}: {reason}")
-        taken = seen.setdefault(os.path.realpath(path), option)
-        if taken != option:
-            others = f"this is the file of {taken.removesuffix(':')}"
-            raise InputError(f"{_typed(option, path)}: {others}; choose another name")
-    for name, suffixes in kinds.items():
-        if (path := outputs[f"--{name}"]) is None:
-            continue
-        typed = _typed(f"--{name}", path)
-        if (suffix := path.suffix.lower()) not in suffixes:
+        typed = f"{option}{path}" if option.endswith(":") else f"{option} {path}"
+        if reason := _obstacle(path):
+            raise InputError(f"{typed}: {reason}")
+        if (place := os.path.realpath(path)) in seen:
+            taken = seen[place].removesuffix(":")
+            raise InputError(f"{typed}: this is the file of {taken}; choose another name")
+        seen[place], suffix = option, path.suffix.lower()
+        if suffixes and suffix not in suffixes:
             raise InputError(f"{typed}: the name must end in {', '.join(suffixes)}")
-        if suffix not in LIBRARIES:
+        if not suffixes or suffix not in LIBRARIES:
             continue
         what, library, extra = LIBRARIES[suffix]
         if importlib.util.find_spec(library.lower()) is None:
@@ -102,13 +99,14 @@ def check_outputs(
 
 
 def files_asked(
-    asked: Any, *names: str, reads: Mapping[str, str] | None = None, **kinds: Sequence[str]
+    asked: Any, *names: str, reads: Mapping[str, str] | None = None, **kinds: Collection[str]
 ) -> list[tuple[str, str]]:
     """Check the files that a command on one scene writes, by the names of its options, and return
     the rows that say where they are."""
-    files = {f"--{name}": getattr(asked, name) for name in (*names, *kinds)}
-    check_outputs(files, {**scene_file(asked.scene), **(reads or {})}, **kinds)
-    return [("written", str(file)) for file in files.values() if file is not None]
+    suffixes = dict.fromkeys(names, ()) | kinds
+    files = [(f"--{name}", getattr(asked, name), ends) for name, ends in suffixes.items()]
+    check_outputs(files, {**scene_file(asked.scene), **(reads or {})})
+    return [("written", str(file)) for _, file, _ in files if file is not None]
 
 
 def scene_file(name: str) -> dict[str, str]:
@@ -120,12 +118,6 @@ def write_rows(path: Path | None, table: DataFrame) -> None:
     """Write a table to the CSV file that is asked for, if one is."""
     if path is not None:
         write_file(path, table.to_csv(index=False).encode("utf-8"))
-
-
-def _typed(option: str, path: Path) -> str:
-    """Returns option and file as they were written: ``--plot thrust:out.png``, ``--json
-    out.json``."""
-    return f"{option}{path}" if option.endswith(":") else f"{option} {path}"
 
 
 def _obstacle(path: Path) -> str:

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
 import cvxlimit.geometry.polyhedra as polyhedra
-from cvxlimit.base.arrays import FloatArray, ReadOnlyArrays
+from cvxlimit.base.arrays import FloatArray, IntArray, ReadOnlyArrays
 from cvxlimit.base.checks import finite_vector, not_negative
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.geometry.facets import Facets, facets
-from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces, surface
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, Faces, area_vectors, surface, unit
 from cvxlimit.geometry.polyhedra import Body
 
 BOX_FACES: Faces = (
@@ -199,19 +199,19 @@ class Block(ReadOnlyArrays):
                 points=cloud,
                 blocks=(id,),
             ) from error
-        # Triangles of the same plane are one face, whose corners are numbered among the hull's.
-        index = {int(v): i for i, v in enumerate(hull.vertices)}
-        planes: dict[tuple[float, ...], set[int]] = {}
-        for simplex, equation in zip(hull.simplices, hull.equations, strict=True):
-            key = next(
-                (k for k in planes if np.allclose(k[:3], equation[:3], atol=RELATIVE_TOLERANCE)),
-                tuple(equation),
-            )
-            planes.setdefault(key, set()).update(index[int(v)] for v in simplex)
+        # Triangles of the same plane are one face: that of the first with this normal.
+        normals = hull.equations[:, :3]
+        alike = [
+            np.isclose(normals, n, atol=RELATIVE_TOLERANCE).all(axis=1).argmax() for n in normals
+        ]
+        first, plane = np.unique(alike, return_inverse=True)
         if inner == "refuse":
-            _check_no_notch(id, cloud, hull, np.array(list(planes)))
-        corners = cloud[hull.vertices]
-        faces = [_ordered_around(corners, own, np.array(k[:3])) for k, own in planes.items()]
+            _check_no_notch(id, cloud, hull, hull.equations[first])
+        corners, own = cloud[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
+        faces = [
+            _ordered_around(corners, np.unique(own[plane == k]), normals[i])
+            for k, i in enumerate(first)
+        ]
         return cls.polyhedron(id, corners, faces, density)
 
     @property
@@ -223,6 +223,11 @@ class Block(ReadOnlyArrays):
     def surface(self) -> float:
         """Area of all faces, in the scene's length unit squared."""
         return surface(self.vertices, self.faces)
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Outward unit normals (f, 3) of all faces."""
+        return unit(area_vectors(self.vertices, self.faces))
 
     @property
     def thickness(self) -> float:
@@ -324,11 +329,10 @@ def _check_no_notch(id: str, cloud: FloatArray, hull: ConvexHull, planes: FloatA
         )
 
 
-def _ordered_around(points: FloatArray, members: set[int], normal: FloatArray) -> list[int]:
+def _ordered_around(points: FloatArray, members: IntArray, normal: FloatArray) -> list[int]:
     """Returns the ``members`` among points (k, 3) counter-clockwise about ``normal`` (3,)."""
-    indices = np.array(sorted(members))
-    spokes = points[indices] - points[indices].mean(axis=0)
+    spokes = points[members] - points[members].mean(axis=0)
     first = spokes[0] / np.linalg.norm(spokes[0])
     second = np.cross(normal, first)
     order = np.argsort(np.arctan2(spokes @ second, spokes @ first))
-    return [int(i) for i in indices[order]]
+    return [int(i) for i in members[order]]

@@ -14,6 +14,7 @@ from cvxlimit.base.arrays import FloatArray, IntArray, ReadOnlyArrays, read_only
 from cvxlimit.base.checks import meant
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import GeometryError, InputError
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
 from cvxlimit.geometry.polygons import mean_distance_over, members_of, torsion_arm
 from cvxlimit.geometry.strengths import PROPERTIES, JointValues, Pair
 
@@ -21,11 +22,6 @@ COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
 """Contact force components (Eq. 1), in the column order of every force array."""
 
 COLUMN = {name: column for column, name in enumerate(COMPONENTS)}
-
-
-_ROUNDING = 1e-7
-"""Share of its size by which a piece may stick out of its contact's hull: corners are dropped
-within :data:`~cvxlimit.base.arrays.ROUNDING`."""
 
 
 CARRIES = 1e-6
@@ -149,7 +145,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         _, inward, offset = self.edges
         depth = np.einsum("ek,ek->e", inward[edge], points[place]) + offset[edge]
         size = np.abs(points).max(axis=1)[place]
-        if not (depth >= -_ROUNDING * size).all():
+        if not (depth >= -RELATIVE_TOLERANCE * size).all():
             worst = int(np.argmin(depth))
             name = self.names[int(owner[place[worst]])]
             raise GeometryError(

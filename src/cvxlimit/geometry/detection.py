@@ -1,167 +1,35 @@
-"""Contact detection: facets of different blocks that face each other within a joint tolerance."""
+"""Contact detection: facets of different blocks that face each other within a joint tolerance.
+
+A contact is all that two blocks share in one plane; which facets share one is said at
+:func:`detect`. It goes on in these stages:
+
+1. Faces of each block are grouped into planar facets, which are cut into convex pieces.
+2. Pairs of blocks that come near each other, and pairs of their pieces that face each other.
+3. Joints: where two facets overlap in the plane midway between them, and the gap there says
+   whether that is a contact, a near miss, or neither.
+4. Where a joint is curved, contacts between single faces take the place of those of facets.
+5. Blocks that share volume are refused, and those that touch no other.
+"""
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import BoolArray
 from cvxlimit.base.checks import positive
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.geometry.facets import SAME_WAY, planes
-from cvxlimit.geometry.facing import (
-    FacetTable,
-    Reach,
-    Shapes,
-    facet_table,
-    facing_pairs,
-    patches,
-)
+from cvxlimit.geometry.curved import by_face
+from cvxlimit.geometry.facing import Reach, facing_pairs, patches
 from cvxlimit.geometry.joints import Joints
-from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.nearmisses import NearMiss, cure_of_all, rounded_up
 from cvxlimit.geometry.penetration import Overlaps
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
-
-_AGREE = 0.5
-"""Both sides of a joint agree on a curved shape where the angles between their faces are less than
-half the angles between the faces and one plane (root mean squares over the joint's area). The ratio
-is sqrt(3) / n for two meshes of one arc with n faces each, half a face apart; it is 2 for sides
-that are rough on their own, and for a rough side on a plane."""
-
-
-class CurvedJoints:
-    """Replaces plane contacts by contacts between single faces where a joint is curved.
-
-    The faces of a block are grouped on two levels: nearly coplanar neighbours are a *patch* (a row
-    of ``table``), and patches that meet without a sharp edge are a *sheet*. What two patches share
-    is one plane contact. That is right for rough faces, but not for a curved joint, as between the
-    voussoirs of a vault: there both sides have the same shape, and each pair of faces is a contact.
-    Which of the two holds is decided for each pair of sheets.
-    """
-
-    def __init__(self, blocks: Sequence[Block], table: FacetTable, reach: Reach) -> None:
-        self.blocks, self.table, self.reach = blocks, table, reach
-
-    def by_face(self, joints: Joints) -> Joints:
-        """Returns the joints, with pairs of faces in place of pairs of patches wherever both sides
-        have the same curved shape."""
-        # 1. The pairs of sheets to look at: near each other, with patches of several faces.
-        near = (joints.gaps[:, 0] <= joints.tolerance + joints.warped) & (
-            joints.gaps[:, 1] >= -joints.tolerance - joints.warped
-        )
-        sheets = np.unique(joints.sheet[near & joints.lumped.any(axis=1)], axis=0)
-        if not len(sheets):
-            return joints
-        # 2. Joints between their single faces: contacts where these are within the tolerance of
-        # each other and the normals of both sides agree better than with one plane. ``pair`` (k,)
-        # is the number of each joint's pair of sheets, ``agree`` one value per pair of sheets.
-        faces = self._faces(joints, sheets)
-        is_in, pair = _numbered(sheets, faces.sheet)
-        faces, pair = faces.take(np.flatnonzero(is_in)), pair[is_in]
-        agree = _agreed(faces, pair, len(sheets))
-        none = np.zeros(len(pair), bool)
-        faces = replace(faces, is_contact=faces.is_within & agree[pair], is_near_miss=none)
-        # 3. A pair of sheets keeps its patches where the faces share less area, or too narrow one.
-        # Areas differ by the cosine of the steepest face in a patch though nothing is missing.
-        there, patch_pair = _numbered(sheets, joints.sheet)
-        area = faces.overlap.area * faces.is_contact
-        face_area = np.bincount(pair, area, len(sheets)).astype(float)
-        area = joints.overlap.area * joints.is_contact
-        patch_area = np.bincount(patch_pair[there], area[there], len(sheets))
-        agree &= (face_area >= SAME_WAY * patch_area) & _is_wide(faces, pair, face_area)
-        faces = faces.take(np.flatnonzero(faces.is_contact & agree[pair]))
-        # 4. Elsewhere faces replace patches; patches that they cover by half are no near misses.
-        there[there] = agree[patch_pair[there]]
-        covered = there & (_area_of_patches(faces, joints) >= 0.5 * joints.overlap.area)
-        remaining = replace(
-            joints,
-            is_contact=joints.is_contact & ~there,
-            is_near_miss=joints.is_near_miss & ~covered,
-        )
-        return remaining.with_rows(faces)
-
-    def _faces(self, joints: Joints, sheets: IntArray) -> Joints:
-        """Joints between the single faces of the pairs of ``sheets`` (s, 2)."""
-        patches = np.flatnonzero(np.isin(self.table.sheet, sheets))
-        which = np.unique(self.table.block[patches])
-        blocks = [self.blocks[i] for i in which.tolist()]
-        patch_of: list[IntArray] = []  # per block: the row of each face's patch, or -1
-        shapes: Shapes = defaultdict(list)
-        for i, block in enumerate(blocks):
-            patch_of.append(np.full(len(block.faces), -1))
-            for k in patches[self.table.block[patches] == which[i]].tolist():
-                patch_of[i][list(self.table.faces[k])] = k
-            facets = planes(block.vertices, block.faces, np.flatnonzero(patch_of[i] >= 0))
-            shapes[block.faces, facets].append(i)
-        table = facet_table(blocks, shapes)
-        patch = [patch_of[i][group[0]] for i, group in zip(table.block, table.faces, strict=True)]
-        table = replace(table, sheet=self.table.sheet[patch], patch=self.table.patch[patch])
-        tolerance = self.reach.tolerance[which]
-        size, thickness = self.reach.size[which], self.reach.thickness[which]
-        reach = Reach(size, thickness, tolerance, 3.0 * tolerance)  # both may be warped
-        pairs = np.unique(np.stack([joints.a, joints.b], axis=1), axis=0)
-        first, second = np.searchsorted(which, pairs[np.isin(pairs, which).all(axis=1)]).T
-        faces = Joints.of(table, *facing_pairs(table, first, second, reach), reach)
-        return replace(faces, a=which[faces.a], b=which[faces.b])
-
-
-def _numbered(rows: IntArray, pairs: IntArray) -> tuple[BoolArray, IntArray]:
-    """Which of the pairs (k, 2) are among the sorted ``rows`` (s, 2), and the row of each."""
-    base = int(max(rows.max(), pairs.max(initial=0))) + 1
-    codes, codes_of_pairs = rows @ [base, 1], pairs @ [base, 1]
-    place = np.minimum(np.searchsorted(codes, codes_of_pairs), len(codes) - 1)
-    return codes[place] == codes_of_pairs, place
-
-
-def _agreed(faces: Joints, pair: IntArray, count: int) -> BoolArray:
-    """Returns for which of ``count`` pairs of sheets both sides agree on a curved shape.
-
-    With n_a, n_b the unit normals of two faces (``faces.sine`` is that of the angle between them)
-    and n their mean (``faces.axes[:, 2]``), they do where
-
-        mean(sin^2(n_a, n_b)) <= _AGREE^2 (1 - |mean(n)|^2),
-
-    with means over the faces within the tolerance of each other, weighted by area.
-    ``pair`` (k,) is the number of each face's pair of sheets.
-    """
-    area = faces.overlap.area * faces.is_within
-    total = np.maximum(np.bincount(pair, area, count), 1e-300)
-    mean = [np.bincount(pair, area * faces.axes[:, 2, c], count) / total for c in range(3)]
-    mean_sine2 = np.bincount(pair, area * faces.sine**2, count) / total
-    spread = 1.0 - np.square(mean).sum(axis=0)
-    return np.asarray(mean_sine2 <= (_AGREE**2) * spread + RELATIVE_TOLERANCE**2)
-
-
-def _is_wide(faces: Joints, pair: IntArray, area: FloatArray) -> BoolArray:
-    """Returns for which pairs of sheets the faces in contact are together wider than the tolerance:
-    their ``area`` (count,) over their length. Single faces of a fine mesh may be narrower. ``pair``
-    (k,) is the number of each face's pair of sheets."""
-    faces, pair = faces.take(np.flatnonzero(faces.is_contact)), pair[faces.is_contact]
-    tolerance, radius = np.zeros(len(area)), np.zeros(len(area))
-    np.maximum.at(tolerance, pair, faces.tolerance)
-    face, corners = faces.corner_points
-    weight = faces.overlap.area / area[pair]
-    middle = np.stack(
-        [np.bincount(pair, weight * faces.origin[:, c], len(area)) for c in range(3)], axis=1
-    )
-    np.maximum.at(radius, pair[face], np.linalg.norm(corners - middle[pair[face]], axis=1))
-    return np.asarray((area > 0.0) & (area > 2.0 * radius * tolerance))
-
-
-def _area_of_patches(faces: Joints, joints: Joints) -> FloatArray:
-    """Area (k,) of the contacts between single faces that lie in each joint's two patches."""
-    pairs, inverse = np.unique(
-        np.concatenate([joints.patch, faces.patch]), axis=0, return_inverse=True
-    )
-    area = np.bincount(inverse[len(joints.patch) :], faces.overlap.area, len(pairs))
-    return np.asarray(area[inverse[: len(joints.patch)]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +55,7 @@ def detect(
     :data:`~cvxlimit.geometry.polyhedra.JOINT_TOLERANCE` of the thinner block's mean thickness) plus
     their own warp, and the overlap is wider than that. All that two blocks share in one plane, the
     mean one, is one contact, which may have notches, holes and several parts. On a curved joint
-    each pair of faces is a contact, see :class:`CurvedJoints`.
+    each pair of faces is a contact, see :mod:`.curved`.
 
     Raises
     ------
@@ -201,21 +69,16 @@ def detect(
     reach = Reach.of(blocks, joint_tolerance)
     limit = _limit(blocks, reach, is_fixed)
     table = patches(blocks, reach)
-    curved = CurvedJoints(blocks, table, reach)
     overlaps = Overlaps(blocks, reach, limit)
     parts: list[Contacts] = []
     misses: list[NearMiss] = []
     for near in nearby_pairs([b.vertices for b in blocks], reach.near):
-        joints = curved.by_face(Joints.of(table, *facing_pairs(table, *near, reach), reach))
+        joints = Joints.of(table, *facing_pairs(table, *near, reach), reach)
+        joints = by_face(joints, blocks, table, reach)
         parts.append(joints.contacts(blocks, friction))
         misses += [*joints.near_misses(blocks), *overlaps.check(*near, parts[-1])]
     overlaps.refuse()
-    if not parts:
-        none = np.empty(0, dtype=np.int64)
-        parts = [Joints.of(table, none, none, reach).contacts(blocks, friction)]
     contacts = Contacts.joined(parts)
-    if len(parts) > 1:
-        contacts = contacts.take(np.lexsort((contacts.b, contacts.a)))
     is_tied = np.array([b.id in tied for b in blocks])
     _check_every_block_is_held(blocks, contacts, is_fixed, is_tied, misses)
     ids = {block.id for block, held in zip(blocks, is_fixed, strict=True) if held}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import reduce
 
@@ -15,7 +15,7 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.facets import SAME_WAY, Facets
 from cvxlimit.geometry.mesh import Faces, cross, padded, polygon_vectors
 from cvxlimit.geometry.nearby import overlapping
-from cvxlimit.geometry.polygons import members_of, portions
+from cvxlimit.geometry.polygons import members_of
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 
 NEAR = 30.0
@@ -266,16 +266,31 @@ def facing_pairs(
     # second; in portions, so that memory does not grow with the number of pairs.
     most = NUMBERS // table.corners[0].size
     found = [np.empty((2, 0), dtype=np.int64)]
-    for some in portions(pieces[first], most):
+    for some in _portions(pieces[first], most):
         pair, lower = members_of(start, len(table.block), first[some])
         other = second[some][pair]
         meet = overlapping(low, high, lower, block_low, block_high, other)
         lower, other = lower[meet], other[meet]
-        for few in portions(pieces[other], most):
+        for few in _portions(pieces[other], most):
             row, upper = members_of(start, len(table.block), other[few])
             found.append(_facing(table, lower[few][row], upper, low, high, reach))
     lower, upper = np.concatenate(found, axis=1)
     return lower, upper
+
+
+def _portions(sizes: IntArray, most: int) -> Iterator[slice]:
+    """Runs of rows whose ``sizes`` add up to no more than ``most``, or single rows that do not.
+
+    >>> list(_portions(np.array([3, 3, 9, 1]), 6))
+    [slice(0, 2, None), slice(2, 3, None), slice(3, 4, None)]
+    """
+    ends = np.cumsum(sizes)
+    begin = 0
+    while begin < len(ends):
+        before = ends[begin] - sizes[begin]
+        end = max(begin + 1, int(np.searchsorted(ends, before + most, side="right")))
+        yield slice(begin, end)
+        begin = end
 
 
 NUMBERS = 2**21

@@ -1,4 +1,13 @@
-"""Joints: where facets of two blocks overlap, how far apart they are, and which are contacts."""
+"""Joints: where facets of two blocks overlap, how far apart they are, and which are contacts.
+
+Two facets that face each other have one plane between them, midway, and their outlines overlap in
+it. The gap between them is linear over the overlap. With the joint tolerance d and the overlap's
+width w, its area over half its outline's length, a joint is
+
+- a contact where the gap is between -d and d all over it, w > d, and the facets are not steep;
+- a near miss where it would be one but for w, or for a gap that is out by some times d;
+- nothing to be told otherwise.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +25,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.facing import NEAR, FacetTable, Reach
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, SLIVER, fan, polygon_vectors, unit
 from cvxlimit.geometry.nearmisses import Kind, NearMiss
-from cvxlimit.geometry.polygons import Outlines, outlines
+from cvxlimit.geometry.outlines import Outlines, outlines
 
 _STEEPEST = 0.1
 """Sine of the angle between two facets in contact, at most: beyond, a normal force could not be

@@ -1,146 +1,99 @@
 """Which bodies of a scene come near each other: all pairs that touch, and few others.
 
-Bodies are the leaves of a balanced tree of bounding boxes, which is descended level by level for
-all pairs at once, in about n log n steps. Two nodes are near if their boxes along x, y, z meet and
-their boxes along their own principal axes do: those along x, y, z of thousands of thin voussoirs of
-an arch all overlap.
+Two bodies are near if their boxes along x, y, z meet, and those along their own principal axes do:
+boxes along x, y, z of thousands of thin voussoirs of an arch all overlap.
+
+1. Pairs of boxes that meet in plan, from a tree (GEOS), some bodies at a time.
+2. Of these the pairs whose boxes meet along all axes, and along both bodies' own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
+import shapely
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 
-_FEW = 512
-"""So many pairs of nodes take less time than boxes along the nodes' own axes."""
+_AT_ONCE = 64
+"""Bodies that the tree is asked about together: each may meet all others, where a program has lost
+the placements of blocks, and the boxes of that many pairs are to fit into memory."""
 
 _PORTION = 2**14
-"""Pairs of nodes whose children are looked at together: about 50 MB, and all at once for scenes of
-ten thousand contacts. Of bodies that all lie in one place every pair is near."""
+"""Pairs that are yielded together: about 50 MB of facets, and all at once for scenes of ten
+thousand contacts."""
 
 
 def nearby_pairs(
     bodies: Sequence[FloatArray], margin: FloatArray
 ) -> Iterator[tuple[IntArray, IntArray]]:
     """Yields pairs of bodies, first < second, without those whose boxes are apart. A body is its
-    points (k, 3); its box is grown by its ``margin`` (n,). Pairs come in sorted portions, so that
-    memory does not grow with their number."""
-    tree = _Tree.of(bodies, margin)
-    pending = [(0, *np.zeros((2, 1), dtype=np.int64))]
-    while pending:
-        # Pairs of nodes of one level: first == second stands for the pairs within a node.
-        level, first, second = pending.pop()
-        if len(first) > _PORTION:
-            pending.append((level, first[_PORTION:], second[_PORTION:]))
-            first, second = first[:_PORTION], second[:_PORTION]
-        if level < len(tree.levels):
-            nodes = tree.levels[level]
-            near = nodes.meeting(*_children(first, second, len(nodes.start)))
-            pending.append((level + 1, *near))
-            continue
-        a, b = np.sort(np.stack([tree.order[first], tree.order[second]])[:, first != second], 0)
-        sorting = np.lexsort((b, a))
-        if len(sorting):
-            yield a[sorting], b[sorting]
+    points (k, 3); its box is grown by its ``margin`` (n,). Pairs come sorted, in one portion or
+    several, so that memory does not grow with their number."""
+    boxes = _Boxes.of(bodies, margin)
+    low, high = boxes.low, boxes.high
+    # The plan is across the axis along which boxes reach over the largest share of the whole.
+    whole = np.maximum(high.max(axis=0) - low.min(axis=0), 1e-300)
+    plan = np.argsort((high - low).mean(axis=0) / whole)[:2]
+    seen_in_plan = shapely.box(*low[:, plan].T, *high[:, plan].T)
+    tree = shapely.STRtree(seen_in_plan)
+    waiting = np.empty((2, 0), dtype=np.int64)
+    for begin in range(0, len(bodies), _AT_ONCE):
+        first, second = tree.query(seen_in_plan[begin : begin + _AT_ONCE])
+        ahead = first + begin < second
+        found = boxes.meeting(first[ahead] + begin, second[ahead])
+        waiting = np.concatenate([waiting, found[:, np.lexsort(found[::-1])]], axis=1)
+        while waiting.shape[1] > _PORTION:
+            yield waiting[0, :_PORTION], waiting[1, :_PORTION]
+            waiting = waiting[:, _PORTION:]
+    yield waiting[0], waiting[1]
 
 
 @dataclass(frozen=True, eq=False)
-class _Tree:
-    """The bodies' numbers in the ``order`` (n,) of the leaves, and the nodes of each of the
-    ``levels`` below the root; the children of node i are nodes 2 i and 2 i + 1 of the next."""
+class _Boxes:
+    """Of n bodies: the ``low`` and ``high`` corners (n, 3) of their boxes along x, y, z; the
+    ``middle`` (n, 3), ``axes`` (n, 3, 3; rows) and ``half`` extents (n, 3) of those along their
+    own."""
 
-    order: IntArray
-    levels: list[_Nodes]
+    low: FloatArray
+    high: FloatArray
+    middle: FloatArray
+    axes: FloatArray
+    half: FloatArray
 
     @classmethod
-    def of(cls, bodies: Sequence[FloatArray], margin: FloatArray) -> _Tree:
-        levels = max(len(bodies) - 1, 0).bit_length()
+    def of(cls, bodies: Sequence[FloatArray], margin: FloatArray) -> _Boxes:
         count = np.array([len(body) for body in bodies])
-        begin = np.cumsum(count) - count
-        order = _tree_order(np.add.reduceat(np.concatenate(bodies), begin) / count[:, None], levels)
-        points = np.concatenate([bodies[i] for i in order])
+        start, body = np.cumsum(count) - count, np.repeat(np.arange(len(bodies)), count)
+        points = np.concatenate(bodies)
         points = points - points.mean(axis=0)
-        start = np.cumsum([0, *(len(bodies[i]) for i in order[:-1])])
-        leading = [np.arange(0, len(bodies), 1 << k) for k in reversed(range(levels))]
-        reach = (np.maximum.reduceat(margin[order], rows) for rows in leading)
-        nodes = [_Nodes(points, start[rows], m) for rows, m in zip(leading, reach, strict=True)]
-        return cls(order, nodes)
-
-
-def _tree_order(centres: FloatArray, levels: int) -> IntArray:
-    """Orders bodies so that each run of 2^k from a multiple of 2^k on, a node of the tree, lies
-    together: every node is sorted along its longest side."""
-    place = np.arange(len(centres))
-    order = place
-    for level in range(levels):
-        node = place >> (levels - level)
-        leading = np.searchsorted(node, np.arange(node[-1] + 1))
-        laid = centres[order]
-        extent = np.maximum.reduceat(laid, leading) - np.minimum.reduceat(laid, leading)
-        along = laid[place, extent.argmax(axis=1)[node]]
-        order = order[np.lexsort((along, node))]
-    return order
-
-
-def _children(first: IntArray, second: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """All pairs of children, a <= b, of pairs of nodes; the next level has ``count`` nodes."""
-    a = (2 * first[:, None] + np.array([0, 0, 1, 1])).ravel()
-    b = (2 * second[:, None] + np.array([0, 1, 0, 1])).ravel()
-    exists = (a <= b) & (b < count)
-    return a[exists], b[exists]
-
-
-@dataclass(frozen=True, eq=False)
-class _Nodes:
-    """The nodes of one level: node i has the ``points`` (m, 3) from ``start[i]`` to the next start,
-    and its boxes are grown by ``margin[i]``."""
-
-    points: FloatArray
-    start: IntArray
-    margin: FloatArray
-
-    def meeting(self, first: IntArray, second: IntArray) -> tuple[IntArray, IntArray]:
-        """Those pairs of nodes whose boxes meet, along x, y, z and along the nodes' own axes."""
-        low, high = self.boxes
-        meet = overlapping(low, high, first, low, high, second)
-        first, second = first[meet], second[meet]
-        if len(first) <= _FEW:
-            return first, second
-        middle, axes, half = self.own_boxes
-        # Along each axis of one box: the distance of the middles against both half extents.
-        offset = middle[second] - middle[first]
-        turn = np.abs(np.einsum("pik,pjk->pij", axes[first], axes[second]))
-        of_first = np.abs(np.einsum("pik,pk->pi", axes[first], offset))
-        of_second = np.abs(np.einsum("pik,pk->pi", axes[second], offset))
-        reach = half[first] + np.einsum("pij,pj->pi", turn, half[second])
-        reach_back = half[second] + np.einsum("pij,pi->pj", turn, half[first])
-        meet = ((of_first <= reach) & (of_second <= reach_back)).all(axis=1)
-        return first[meet], second[meet]
-
-    @cached_property
-    def boxes(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest x, y, z (n, 3) of each node."""
-        low = np.minimum.reduceat(self.points, self.start) - self.margin[:, None]
-        return low, np.maximum.reduceat(self.points, self.start) + self.margin[:, None]
-
-    @cached_property
-    def own_boxes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Middle (n, 3), principal axes (n, 3, 3; rows) and half extents (n, 3) of each node."""
-        count = np.diff(np.append(self.start, len(self.points)))
-        node = np.repeat(np.arange(len(self.start)), count)
-        centre = np.add.reduceat(self.points, self.start) / count[:, None]
-        spokes = self.points - centre[node]
-        spread = np.add.reduceat(spokes[:, :, None] * spokes[:, None, :], self.start)
+        low, high = (end.reduceat(points, start) for end in (np.minimum, np.maximum))
+        # Principal axes of a body's points about their mean, and the points along them.
+        centre = np.add.reduceat(points, start) / count[:, None]
+        spokes = points - centre[body]
+        spread = np.add.reduceat(spokes[:, :, None] * spokes[:, None, :], start)
         axes = np.linalg.eigh(spread)[1].transpose(0, 2, 1)
-        local = np.einsum("mik,mk->mi", axes[node], spokes)
-        low, high = (end.reduceat(local, self.start) for end in (np.minimum, np.maximum))
-        middle = centre + np.einsum("ni,nik->nk", 0.5 * (low + high), axes)
-        return middle, axes, 0.5 * (high - low) + self.margin[:, None]
+        local = np.einsum("mik,mk->mi", axes[body], spokes)
+        least, most = (end.reduceat(local, start) for end in (np.minimum, np.maximum))
+        middle = centre + np.einsum("ni,nik->nk", 0.5 * (least + most), axes)
+        wide = margin[:, None]
+        return cls(low - wide, high + wide, middle, axes, 0.5 * (most - least) + wide)
+
+    def meeting(self, first: IntArray, second: IntArray) -> IntArray:
+        """Those of the pairs (k,), (k,), as (2, m), whose boxes meet, of both kinds."""
+        meet = overlapping(self.low, self.high, first, self.low, self.high, second)
+        one, other = first[meet], second[meet]
+        # Along each axis of one box: the distance of the middles against both half extents.
+        offset = self.middle[other] - self.middle[one]
+        turn = np.abs(np.einsum("pik,pjk->pij", self.axes[one], self.axes[other]))
+        of_one = np.abs(np.einsum("pik,pk->pi", self.axes[one], offset))
+        of_other = np.abs(np.einsum("pik,pk->pi", self.axes[other], offset))
+        reach = self.half[one] + np.einsum("pij,pj->pi", turn, self.half[other])
+        reach_back = self.half[other] + np.einsum("pij,pi->pj", turn, self.half[one])
+        meet = ((of_one <= reach) & (of_other <= reach_back)).all(axis=1)
+        return np.stack([one[meet], other[meet]])
 
 
 def overlapping(

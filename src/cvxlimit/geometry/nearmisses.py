@@ -7,17 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray
 
 Kind = Literal["gap", "angle", "overlap", "sliver"]
-
-_WORDS = {
-    "gap": "a gap of {size:.3g}{unit}, joined up to {allowed:.3g}",
-    "angle": "faces at an angle of {degrees:.3g} degrees, {nearest} at one end and {farthest} at "
-    "the other, joined up to {allowed:.3g}{cure}",
-    "overlap": "an overlap of {size:.3g}{unit}, joined up to {allowed:.3g}",
-    "sliver": "a joint {size:.3g}{unit} wide, kept from {allowed:.3g}",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,23 +47,25 @@ class NearMiss:
         return self.kind != "angle" or self.cure < math.inf
 
     def sentence(self, unit: str = "") -> str:
-        cure = "; no joint tolerance joins faces that are so steep to each other"
-        if self.cure < math.inf:
-            cure = f"; a joint tolerance of {rounded_up(self.cure)} joins them"
         unit = f" {unit}" if unit else ""
-        ends = [gap if abs(gap) > 1e-9 * self.size else 0.0 for gap in self.gaps]  # rounding
-        nearest, farthest = (
-            f"{abs(gap):.3g}{unit} {'in each other' if gap < 0.0 else 'apart'}" for gap in ends
-        )
-        words = _WORDS[self.kind].format(
-            size=self.size,
-            allowed=self.allowed,
-            degrees=math.degrees(self.angle),
-            nearest=nearest,
-            farthest=farthest,
-            cure=cure,
-            unit=unit,
-        )
+        size = f"{self.size:.3g}{unit}"
+        words = f"an overlap of {size}, joined up to {self.allowed:.3g}"
+        if self.kind == "gap":
+            words = f"a gap of {size}, joined up to {self.allowed:.3g}"
+        elif self.kind == "sliver":
+            words = f"a joint {size} wide, kept from {self.allowed:.3g}"
+        elif self.kind == "angle":
+            cure = "no joint tolerance joins faces that are so steep to each other"
+            if self.cure < math.inf:
+                cure = f"a joint tolerance of {rounded_up(self.cure)} joins them"
+            gaps = (gap if abs(gap) > ROUNDING * self.size else 0.0 for gap in self.gaps)
+            near, far = (
+                f"{abs(gap):.3g}{unit} {'in each other' if gap < 0.0 else 'apart'}" for gap in gaps
+            )
+            words = (
+                f"faces at an angle of {math.degrees(self.angle):.3g} degrees, {near} at one end "
+                f"and {far} at the other, joined up to {self.allowed:.3g}; {cure}"
+            )
         return f"{self.a}-{self.b}: {words}"
 
 

@@ -21,7 +21,11 @@ def outward(id: str, points: FloatArray, faces: Faces) -> tuple[Faces, int]:
         If the surface is open, has one side only, or encloses several bodies that do not touch.
     """
     table = EdgeTable.of(faces)
-    _check_closed(id, points, table)
+    open_edges = np.flatnonzero(table.uses % 2 == 1)
+    if len(open_edges):
+        most = int(table.uses[open_edges].max())
+        fault = "has no face on its other side" if most == 1 else f"belongs to {most} faces"
+        raise _not_closed(id, points, table, open_edges, fault)
     shells = Shells.of(points, faces, table)
     if shells.folds.any():
         bad = points[list(faces[int(np.argmax(shells.folds))])]
@@ -38,16 +42,6 @@ def outward(id: str, points: FloatArray, faces: Faces) -> tuple[Faces, int]:
     oriented = mesh.flipped(faces, shells.turned)
     turned = shells.turned ^ _is_cavity(id, points, oriented, shells.shell)[shells.shell]
     return mesh.flipped(faces, turned), int(turned.sum())
-
-
-def _check_closed(id: str, points: FloatArray, table: EdgeTable) -> None:
-    """Raise GeometryError for a surface with edges of an odd number of faces, and name one."""
-    wrong = np.flatnonzero(table.uses % 2 == 1)
-    if not len(wrong):
-        return
-    most = int(table.uses[wrong].max())
-    fault = "has no face on its other side" if most == 1 else f"belongs to {most} faces"
-    raise _not_closed(id, points, table, wrong, fault)
 
 
 def _not_closed(

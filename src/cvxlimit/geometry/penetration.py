@@ -1,10 +1,18 @@
-"""Refusal of blocks that share volume: separating planes, or the volume itself."""
+"""Refusal of blocks that share volume: those in each other by more than their joint tolerance.
+
+Of two blocks whose boxes share more than that,
+
+1. a contact's plane separates two that are convex;
+2. the plane of some face separates most others: their extents along its normal overlap by less;
+3. what the rest share is computed (manifold3d), and how deep they are in each other there. Of two
+   that are convex that is at most the least overlap along normals and across pairs of edges.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 
 import manifold3d
 import numpy as np
@@ -134,19 +142,18 @@ class Overlap:
 @dataclass(frozen=True, eq=False)
 class Overlaps:
     """Refuses blocks that share more volume than their joint tolerance allows: all that are found,
-    in one sentence. ``limit`` is the largest joint tolerance (length) that may be asked for."""
+    in one sentence. ``limit`` is the largest joint tolerance (length) that may be asked for, and
+    ``bodies`` are those of the blocks, by number, that were needed so far."""
 
     blocks: Sequence[Block]
     reach: Reach
     limit: float
     found: list[Overlap] = field(default_factory=list)
+    bodies: dict[int, Body] = field(default_factory=dict)
 
     def check(self, first: IntArray, second: IntArray, contacts: Contacts) -> list[NearMiss]:
         """Looks for blocks that share volume, among the pairs (``first``, ``second``) that may.
-
-        A contact's plane separates two convex blocks; others are intersected if no face's plane
-        separates them. Overlaps that are too shallow to refuse are returned.
-        """
+        Overlaps that are too shallow to refuse are returned."""
         low, high = self._boxes
         margin = np.minimum(self.reach.tolerance[first], self.reach.tolerance[second])
         shared = np.minimum(high[first], high[second]) - np.maximum(low[first], low[second])
@@ -203,9 +210,8 @@ class Overlaps:
 
     def _of(self, i: int, k: int, allowed: float) -> Overlap | None:
         """None if blocks i and k overlap by no more than ``allowed`` (length)."""
-        # A plane of a face may separate them: the least overlap of their extents along normals.
         a, b = self.blocks[i], self.blocks[k]
-        directions = np.concatenate([self._normals(i), -self._normals(k)])
+        directions = np.concatenate([a.normals, -b.normals])
         overlaps = (a.vertices @ directions.T).max(0) - (b.vertices @ directions.T).min(0)
         if overlaps.min() <= allowed:
             return None
@@ -233,18 +239,12 @@ class Overlaps:
     def _is_convex(self) -> BoolArray:
         return np.array([b.is_convex for b in self.blocks])
 
-    @cached_property
-    def _normals(self) -> Callable[[int], FloatArray]:
-        def normals(i: int) -> FloatArray:
-            return mesh.unit(mesh.area_vectors(self.blocks[i].vertices, self.blocks[i].faces))
-
-        return cache(normals)
-
-    @cached_property
-    def _body(self) -> Callable[[int], Body]:
-        low, high = self._boxes
-        origin = 0.5 * (low.min(axis=0) + high.max(axis=0))
-        return cache(lambda i: Body.of(self.blocks[i], origin))
+    def _body(self, i: int) -> Body:
+        if i not in self.bodies:
+            low, high = self._boxes
+            middle = 0.5 * (low.min(axis=0) + high.max(axis=0))
+            self.bodies[i] = Body.of(self.blocks[i], middle)
+        return self.bodies[i]
 
 
 _REFUSED = 2.0

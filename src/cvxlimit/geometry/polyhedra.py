@@ -182,23 +182,18 @@ def convex_body(points: FloatArray, faces: Faces) -> Body | None:
     normals, middles = vectors / areas[:, None], np.empty((len(faces), 3))
     for members, indices in mesh.by_size(faces):
         corners, normal = points[indices], normals[members, None]
-        middles[members] = corners.mean(axis=1)
+        middles[members] = middle = corners.mean(axis=1)
         edges = np.roll(corners, -1, axis=1) - corners
         turns = (mesh.cross(edges, np.roll(edges, -1, axis=1)) * normal).sum(axis=2)
         lengths = np.linalg.norm(edges, axis=2)
         if not (lengths.min() > tolerance and (turns >= -tolerance * lengths).all()):
             return None
-        if np.abs((corners - corners[:, :1]) @ normal.transpose(0, 2, 1)).max() > tolerance:
+        if np.abs((corners - middle[:, None]) @ normal.transpose(0, 2, 1)).max() > tolerance:
             return None
     # Every vertex lies behind every face, once normals point away from the middle.
     turned = np.einsum("fk,fk->f", normals, middles - points.mean(axis=0)) <= 0.0
     normals[turned] *= -1.0
     if not _all_behind(points, middles, normals, tolerance):
-        return None
-    own = np.einsum("fk,fk->f", middles, normals) - tolerance
-    if any(
-        (points[list(f)] @ n).min() < low for f, n, low in zip(faces, normals, own, strict=True)
-    ):
         return None
     # Closed: each edge is passed once each way, and all vertices are used.
     oriented = mesh.flipped(faces, turned)

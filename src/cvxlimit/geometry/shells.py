@@ -231,7 +231,7 @@ class _SheetJoiner:
             side = todo.pop()
             edge, number = self.place[side]
             groups = self.groups[edge]
-            onward = 1 if self._is_along(side, walk) is False else -1
+            onward = self._onward(side, walk)
             beside = (number + onward) % len(groups)
             opposite = self._opposite(walk, groups[beside], (edge, beside), onward, free)
             if opposite is None:
@@ -256,7 +256,7 @@ class _SheetJoiner:
         """
         # Of several sheets at this angle, one that the walk has already comes first ...
         for side in walk.sides.get(place, ()):
-            if (1 if self._is_along(side, walk) is False else -1) == -onward:
+            if self._onward(side, walk) == -onward:
                 return self._sheet(side), walk.is_reversed[self._sheet(side)]
         # ... then one that is oriented in the file as the walk's first sheet, then any.
         while group and self._sheet(group[-1]) not in free:
@@ -285,10 +285,11 @@ class _SheetJoiner:
     def _sheet(self, side: int) -> int:
         return int(self.sheet[self.table.face[side]])
 
-    def _is_along(self, side: int, walk: _Walk) -> bool:
-        """Returns whether a side runs along its edge, as its sheet is oriented in the walk."""
+    def _onward(self, side: int, walk: _Walk) -> int:
+        """Returns 1 if the material beside a side, as its sheet is oriented in the walk, is reached
+        by a right-handed turn about the edge, otherwise -1."""
         turned = bool(self.turned[self.table.face[side]]) ^ walk.is_reversed[self._sheet(side)]
-        return bool(self.along[side]) ^ turned
+        return -1 if bool(self.along[side]) ^ turned else 1
 
     def _volume(self, walk: _Walk) -> float:
         """Returns the volume that a walk's shell encloses, negative if it is inside out."""

@@ -21,23 +21,10 @@ from cvxlimit.io.scenes import (
 )
 
 __all__ = [
-    "Imported",
-    "export",
-    "import_geometry",
-    "json_schema",
-    "read_bodies",
-    "read_path",
-    "read_result",
-    "read_scene",
-    "result_from_dict",
-    "result_to_dict",
-    "scene_digest",
-    "scene_from_dict",
-    "scene_to_dict",
-    "write_path",
-    "write_result",
-    "write_scene",
-]
+    "Imported", "export", "import_geometry", "json_schema", "read_bodies", "read_path",
+    "read_result", "read_scene", "result_from_dict", "result_to_dict", "scene_digest",
+    "scene_from_dict", "scene_to_dict", "write_path", "write_result", "write_scene",
+]  # fmt: skip
 
 
 def json_schema(kind: str = "scene") -> dict[str, Any]:

@@ -195,15 +195,8 @@ def record(
 
     ``prefix`` leads what ``made`` says, ``where`` is what refusals call an entry.
     """
-    defaults, entries = _defaults(kind), dict[str, Key]()
-    for key, given in keys.items():
-        each = given if isinstance(given, Key) else Key(given)
-        is_needed = each.is_needed
-        if is_needed is None:
-            is_needed = key not in defaults and not each.is_several
-        entries[key] = dataclasses.replace(
-            each, where=each.where or where, is_needed=is_needed, field=each.field or key
-        )
+    defaults = _defaults(kind)
+    entries = {key: _completed(given, key, where, defaults) for key, given in keys.items()}
     needed = [key for key, each in entries.items() if each.is_needed]
     optional = [key for key in entries if key not in needed]
 
@@ -239,15 +232,25 @@ def record(
     return Form(read, write, schema)
 
 
+def _completed(given: Key | Form, key: str, where: str, defaults: Collection[str]) -> Key:
+    """The entry with what it leaves to its record."""
+    each = given if isinstance(given, Key) else Key(given)
+    has_default = key in defaults or each.is_several
+    return dataclasses.replace(
+        each,
+        where=each.where or where,
+        field=each.field or key,
+        is_needed=not has_default if each.is_needed is None else each.is_needed,
+    )
+
+
 def _defaults(kind: type) -> dict[str, Any]:
     """Default of each field of a dataclass that has one."""
-    result = {}
-    for each in dataclasses.fields(kind):
-        if each.default_factory is not MISSING:
-            result[each.name] = each.default_factory()
-        elif each.default is not MISSING:
-            result[each.name] = each.default
-    return result
+    made = {
+        each.name: each.default if each.default_factory is MISSING else each.default_factory()
+        for each in dataclasses.fields(kind)
+    }
+    return {name: value for name, value in made.items() if value is not MISSING}
 
 
 def by_type(kind: type, figure: Form, *names: str) -> dict[str, Form]:

@@ -96,19 +96,12 @@ ITERATE = record(
     },
 )
 
+_QUALITY = ("equilibrium", "yield_excess", "flow", "complementarity")
+"""How well a solution without dilatancy keeps its conditions."""
+
 MEMBER = record(
     Member,
-    by_type(
-        Member,
-        FIGURE,
-        "start",
-        "iterations",
-        "load_factor",
-        "equilibrium",
-        "yield_excess",
-        "flow",
-        "complementarity",
-    ),
+    by_type(Member, FIGURE, "start", "iterations", "load_factor", *_QUALITY),
     # forces and mechanism are those of the lowest only, which are the result's own
     lambda **given: Member(**given, forces=np.zeros((0, 6)), mechanism=np.zeros((0, 6))),
 )

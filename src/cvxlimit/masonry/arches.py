@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -72,10 +73,8 @@ def arch(
     ring = Ring.of(count(voussoirs, "voussoirs"), mean_radius, thickness_ratio, embrace)
     weight = positive(density, "density of the arch")
     sides = (0.0, positive(width, "width"))
-    joints = ring.joints(sides)
-    blocks = between_all(joints, weight)
     left, right = ring.abutments(sides)
-    return scene_of((left, *blocks, right), ALONG, live, friction, name)
+    return scene_of((left, *ring.voussoirs(sides, weight), right), ALONG, live, friction, name)
 
 
 def arch_on_piers(
@@ -125,28 +124,25 @@ def arch_on_piers(
     >>> len(scene.free), len(scene.contacts)
     (14, 15)
     """
-    number, radius = count(voussoirs, "voussoirs"), positive(mean_radius, "mean_radius")
-    ratio = positive(thickness_ratio, "thickness_ratio")
-    check_ring(number, ratio, 180.0)
-    depth, broad = ratio * radius, positive(pier_width, "pier_width")
+    ring = Ring.of(count(voussoirs, "voussoirs"), mean_radius, thickness_ratio, 180.0)
+    depth, broad = ring.thickness, positive(pier_width, "pier_width")
     if not is_negligible(depth - broad, depth):
         raise InputError(
             f"pier_width must be no less than the arch's thickness, {depth:g}, got {broad:g}"
         )
     high, thick = positive(pier_height, "pier_height"), positive(width, "width")
     weight = positive(density, "density of the arch")
-    angles = np.linspace(np.pi, 0.0, number + 1)
-    joints = radial_joints(angles, radius, depth, (0.0, thick), (0.0, high))
-    ring = between_all(joints, weight)
-    inner = radius - depth / 2.0
+    angles = np.linspace(np.pi, 0.0, len(ring.angles))  # exactly, so that springings are level
+    ring = replace(ring, angles=angles, centre=(0.0, high))
+    inner = ring.radius - depth / 2.0
     levels = np.linspace(0.0, high, count(pier_courses, "pier_courses") + 1)
     piers = [
         block
         for prefix, x in (("l", (-inner - broad, -inner)), ("r", (inner, inner + broad)))
         for block in pile(prefix, x, (0.0, thick), levels, weight)
     ]
-    ground = ground_below(piers, depth=depth)
-    return scene_of((ground, *piers, *ring), ALONG, live, friction, name)
+    ground, arch = ground_below(piers, depth=depth), ring.voussoirs((0.0, thick), weight)
+    return scene_of((ground, *piers, *arch), ALONG, live, friction, name)
 
 
 _FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (2, 3, 7, 6), (0, 3, 7, 4), (1, 2, 6, 5))
@@ -158,71 +154,57 @@ def between(id: str, first: FloatArray, second: FloatArray, density: float | Non
     return Block.polyhedron(id, np.concatenate([first, second]), _FACES, density)
 
 
-def between_all(joints: FloatArray, density: float) -> list[Block]:
-    """Returns the blocks ``v1``, ``v2`` ... between successive joints (n + 1, 4, 3)."""
-    return [between(f"v{i}", *ends, density) for i, ends in enumerate(pairwise(joints), start=1)]
-
-
-def radial_joints(
-    angles: FloatArray,
-    radius: float,
-    thickness: float,
-    sides: Span,
-    centre: tuple[float, float] = (0.0, 0.0),
-) -> FloatArray:
-    """Corners (n, 4, 3) of joints at ``angles`` (n,) on a circle in the plane (x, z), from +x
-    towards +z: ``radius`` of their midpoints, ``thickness`` along it, ends ``sides`` in y."""
-    radii = radius + thickness * np.array([-0.5, 0.5, 0.5, -0.5])
-    corners = np.empty((len(angles), 4, 3))
-    corners[:, :, 0] = centre[0] + radii * np.cos(angles)[:, None]
-    corners[:, :, 1] = np.array(sides)[[0, 0, 1, 1]]
-    corners[:, :, 2] = centre[1] + radii * np.sin(angles)[:, None]
-    return corners
-
-
-def abutment(id: str, joint: FloatArray, angle: float, depth: float) -> Block:
-    """Returns the block behind the radial joint at ``angle``, ``depth`` long towards larger
-    angles."""
-    return between(id, joint, joint + depth * np.array([-np.sin(angle), 0.0, np.cos(angle)]))
-
-
 @dataclass(frozen=True, eq=False)
 class Ring:
-    """Joints of an arch in the plane (x, z) about the origin, ``angles`` (n + 1,) from left to
-    right."""
+    """A ring in the plane (x, z) between radial joints at ``angles`` (n + 1,), from +x towards +z:
+    ``radius`` of their midpoints, ``thickness`` along it. ``sides`` of what is made of it are its
+    ends in y."""
 
     angles: FloatArray
     radius: float
     thickness: float
+    centre: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def of(cls, voussoirs: int, mean_radius: float, thickness_ratio: float, embrace: float) -> Ring:
+        """Equal voussoirs, from left to right; refuses sizes that make no ring."""
         radius = positive(mean_radius, "mean_radius")
         ratio = positive(thickness_ratio, "thickness_ratio")
         angle = positive(embrace, "embrace")
-        check_ring(voussoirs, ratio, angle)
+        if ratio >= 2.0:
+            raise InputError(
+                f"thickness_ratio must be below 2, got {ratio:g}: the joints would reach past the "
+                "centre of the arch"
+            )
+        if angle >= 360.0:
+            raise InputError(f"embrace must be below 360 degrees, got {angle:g}")
+        if angle / voussoirs >= 180.0:
+            raise InputError(
+                f"voussoirs must each span less than 180 degrees, got {voussoirs} over {angle:g} "
+                "degrees"
+            )
         half = np.radians(angle) / 2.0
         angles = np.pi / 2.0 + np.linspace(half, -half, voussoirs + 1)
         return cls(angles, radius, ratio * radius)
 
     def joints(self, sides: Span) -> FloatArray:
-        return radial_joints(self.angles, self.radius, self.thickness, sides)
+        """Corners (n + 1, 4, 3) of all joints."""
+        radii = self.radius + self.thickness * np.array([-0.5, 0.5, 0.5, -0.5])
+        corners = np.empty((len(self.angles), 4, 3))
+        corners[:, :, 0] = self.centre[0] + radii * np.cos(self.angles)[:, None]
+        corners[:, :, 1] = np.array(sides)[[0, 0, 1, 1]]
+        corners[:, :, 2] = self.centre[1] + radii * np.sin(self.angles)[:, None]
+        return corners
 
-    def abutments(self, sides: Span) -> tuple[Block, Block]:
-        joints, depth = self.joints(sides), self.thickness
-        left = abutment("left-abutment", joints[0], self.angles[0], depth)
-        return left, abutment("right-abutment", joints[-1], self.angles[-1], -depth)
+    def voussoirs(self, sides: Span, density: float) -> list[Block]:
+        """The blocks ``v1``, ``v2`` ... between successive joints."""
+        ends = enumerate(pairwise(self.joints(sides)), start=1)
+        return [between(f"v{i}", *both, density) for i, both in ends]
 
-
-def check_ring(number: int, ratio: float, angle: float) -> None:
-    if ratio >= 2.0:
-        raise InputError(
-            f"thickness_ratio must be below 2, got {ratio:g}: the joints would reach past the "
-            "centre of the arch"
-        )
-    if angle >= 360.0:
-        raise InputError(f"embrace must be below 360 degrees, got {angle:g}")
-    if angle / number >= 180.0:
-        raise InputError(
-            f"voussoirs must each span less than 180 degrees, got {number} over {angle:g} degrees"
-        )
+    def abutments(self, sides: Span) -> Iterator[Block]:
+        """Fixed blocks behind the first joint and behind the last, as long as the ring is thick."""
+        joints = self.joints(sides)
+        for name, end, way in (("left", 0, 1.0), ("right", -1, -1.0)):
+            angle = self.angles[end]
+            back = way * self.thickness * np.array([-np.sin(angle), 0.0, np.cos(angle)])
+            yield between(f"{name}-abutment", joints[end], joints[end] + back)

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import meant, not_negative, positive
+from cvxlimit.base.checks import meant, members, not_negative, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
-from cvxlimit.masonry.sizes import ALONG, count, pile, prism, scene_of
+from cvxlimit.masonry.sizes import ALONG, Span, count, pile, prism, scene_of
 from cvxlimit.scene import Load, Scene
 from cvxlimit.scene.loads import GRAVITY
 from cvxlimit.scene.surroundings import fill as fill_on
@@ -113,11 +113,12 @@ class Arch:
         normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
         return points, normal / np.linalg.norm(normal, axis=1)[:, None]
 
-    def joints(self, thickness: float, rings: int) -> FloatArray:
-        """Corners (voussoirs + 1, rings + 1, 2) of all joints, from the intrados outwards."""
+    def joints(self, thickness: float, rings: int, start: float = 0.0) -> FloatArray:
+        """Corners (voussoirs + 1, rings + 1, 2) of all joints, from the intrados outwards, of a
+        span that begins at x = ``start``."""
         points, normal = self.intrados()
         steps = np.linspace(0.0, thickness, rings + 1)
-        return points[:, None, :] + steps[:, None] * normal[:, None, :]
+        return points[:, None, :] + steps[:, None] * normal[:, None, :] + np.array([start, 0.0])
 
 
 def _segment(span: float, rise: float) -> FloatArray:
@@ -231,45 +232,39 @@ def bridge(
     >>> len(scene.free), len(scene.contacts)
     (40, 41)
     """
-    every = [spans] if isinstance(spans, Arch) else list(spans)
-    if not every or not all(isinstance(each, Arch) for each in every):
-        raise InputError(f"spans of a bridge must be Arch objects, got {spans!r:.60}")
-    deep, broad = positive(thickness, "thickness"), positive(width, "width")
+    every = members(spans or (spans,), Arch, "spans of a bridge must be Arch objects")
+    deep, sides = positive(thickness, "thickness"), (0.0, positive(width, "width"))
     number, weight = count(rings, "rings"), positive(density, "density")
     shafts = _of_piers(piers, len(every) - 1)
-    sides = (0.0, broad)
     # springings of all spans, one after the other, and their joints
     starts = np.cumsum([0.0, *(a.span + p[0] for a, p in zip(every[:-1], shafts, strict=True))])
-    places = zip(every, starts.tolist(), strict=True)
-    joints = [arch.joints(deep, number) + np.array([x, 0.0]) for arch, x in places]
-    blocks, pairs = list[Block](), list[tuple[str, str]]()
-    for k, corners in enumerate(joints):
-        prefix = f"s{k + 1}." if len(every) > 1 else ""
-        ids = [
-            [f"{prefix}r{r + 1}.v{i + 1}" if number > 1 else f"{prefix}v{i + 1}"
-             for i in range(len(corners) - 1)]
-            for r in range(number)
-        ]  # fmt: skip
-        for r in range(number):
-            for i, (one, other) in enumerate(pairwise(corners)):
-                outline = [one[r], one[r + 1], other[r + 1], other[r]]
-                blocks.append(prism(ids[r][i], outline, sides, weight))
-        pairs += [pair for low, high in pairwise(ids) for pair in zip(low, high, strict=True)]
+    joints = [a.joints(deep, number, x) for a, x in zip(every, starts.tolist(), strict=True)]
+    names = [f"s{k + 1}." if len(every) > 1 else "" for k in range(len(every))]
+    laid = [_rings(*span, sides, weight) for span in zip(names, joints, strict=True)]
+    blocks = [block for layers in laid for ring in layers for block in ring]
     for k, (one, other) in enumerate(pairwise(joints)):
         blocks += _pier(f"p{k + 1}", one[-1], other[0], shafts[k], pier_courses, sides, weight)
-    blocks += _abutments(joints[0][0], joints[-1][-1], deep, abutments, sides, weight)
-    between_rings = (
-        friction if ring_friction is None else not_negative(ring_friction, "ring_friction")
-    )
-    scene = scene_of(
-        blocks, ALONG, live, friction, name, compressive_strength=compressive_strength,
-        contact_friction=dict.fromkeys(pairs, between_rings),
-    )  # fmt: skip
+    blocks += _abutments(joints[0][0], joints[-1][-1], abutments, sides, weight)
+    own = friction if ring_friction is None else not_negative(ring_friction, "ring_friction")
+    meet = [x for layers in laid for both in pairwise(layers) for x in zip(*both, strict=True)]
+    between = {(low.id, high.id): own for low, high in meet}
+    scene = scene_of(blocks, ALONG, live, friction, name, contact_friction=between)
+    scene = scene.with_strength(compressive_strength)
     if cover is None:
         return scene
-    crown = max(float(corners[:, -1, 1].max()) for corners in joints)
-    level = crown + not_negative(cover, "cover")
+    level = max(float(corners[:, -1, 1].max()) for corners in joints) + not_negative(cover, "cover")
     return scene.with_dead(replace(GRAVITY, points=fill_on(scene, level, fill)))
+
+
+def _rings(prefix: str, joints: FloatArray, sides: Span, density: float) -> list[list[Block]]:
+    """The voussoirs of each ring between ``joints`` (voussoirs + 1, rings + 1, 2), from the
+    intrados outwards."""
+    rings = []
+    for r in range(joints.shape[1] - 1):
+        name = f"{prefix}r{r + 1}.v" if joints.shape[1] > 2 else f"{prefix}v"
+        outlines = ([one[r], one[r + 1], other[r + 1], other[r]] for one, other in pairwise(joints))
+        rings.append([prism(f"{name}{i}", x, sides, density) for i, x in enumerate(outlines, 1)])
+    return rings
 
 
 def _of_piers(piers: ArrayLike, wanted: int) -> list[tuple[float, float]]:
@@ -288,7 +283,7 @@ def _of_piers(piers: ArrayLike, wanted: int) -> list[tuple[float, float]]:
 
 def _pier(
     id: str, left: FloatArray, right: FloatArray, size: tuple[float, float], courses: int,
-    sides: tuple[float, float], density: float,
+    sides: Span, density: float,
 ) -> Iterator[Block]:  # fmt: skip
     """Ground, shaft and cap between the last joint of a span and the first one of the next, both
     (rings + 1, 2)."""
@@ -312,8 +307,8 @@ def _pier(
 
 
 def _abutments(
-    first: FloatArray, last: FloatArray, depth: float, size: tuple[float, float] | None,
-    sides: tuple[float, float], density: float,
+    first: FloatArray, last: FloatArray, size: tuple[float, float] | None,
+    sides: Span, density: float,
 ) -> Iterator[Block]:  # fmt: skip
     """Both ends of the bridge, at its first and last joint (rings + 1, 2): fixed skewbacks, or
     blocks on a ground."""
@@ -323,7 +318,7 @@ def _abutments(
     ):
         if size is None:  # at right angles to the joint, away from the span and down
             along = outer - inner
-            back = way * np.array([along[1], -along[0]]) * (-1.0 if way * along[0] < 0.0 else 1.0)
+            back = way * np.array([along[1], -along[0]])
             back = back if back[1] <= 0.0 else -back
             outline = [inner, outer, outer + back, inner + back]
             yield prism(f"{name}-abutment", outline, sides, None)

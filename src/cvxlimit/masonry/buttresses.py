@@ -7,13 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
-from cvxlimit.masonry.arches import between_all, radial_joints
-from cvxlimit.masonry.sizes import Span, count, ground_below, is_negligible, pile, prism, scene_of
+from cvxlimit.masonry.arches import Ring
+from cvxlimit.masonry.sizes import (
+    Span,
+    brick,
+    count,
+    ground_below,
+    is_negligible,
+    pile,
+    prism,
+    scene_of,
+)
 from cvxlimit.scene import Load, Scene
 
 
@@ -97,14 +105,15 @@ def flying_buttress(
     broad, tall = positive(pier_width, "pier_width"), positive(wall_height, "wall_height")
     step = positive(course, "course")
     flyer.check(broad, tall)
-    joints = flyer.joints(number, sides)
-    ring = between_all(joints, weight)
-    pier = _pier(flyer, joints[0], broad, step, pinnacle, weight)
+    ring = flyer.ring(number)
+    shoulder = float(ring.joints(sides)[0, 1, 2])
+    pier = _pier(flyer, shoulder, sides, broad, step, pinnacle, weight)
     reach = (flyer.span, flyer.span + positive(wall_width, "wall_width"))
     wall = pile("w", reach, sides, np.linspace(0.0, tall, _courses(tall, step) + 1), weight)
     ground = ground_below([*pier, *wall], depth=step)
     thrust = _thrust(wall, flyer.head + flyer.thickness / 2.0)
-    return scene_of((ground, *pier, *ring, *wall), thrust, live, friction, name)
+    blocks = (ground, *pier, *ring.voussoirs(sides, weight), *wall)
+    return scene_of(blocks, thrust, live, friction, name)
 
 
 @dataclass(frozen=True)
@@ -147,11 +156,10 @@ class _Flyer:
                 f"back, got {pier_width:g}"
             )
 
-    def joints(self, voussoirs: int, sides: Span) -> FloatArray:
+    def ring(self, voussoirs: int) -> Ring:
         angles = np.pi / 2.0 + np.linspace(np.radians(self.embrace), 0.0, voussoirs + 1)
         centre = (self.span, self.head - self.inner)
-        middle = self.inner + self.thickness / 2.0
-        return radial_joints(angles, middle, self.thickness, sides, centre)
+        return Ring(angles, self.inner + self.thickness / 2.0, self.thickness, centre)
 
 
 def _courses(height: float, course: float) -> int:
@@ -159,10 +167,10 @@ def _courses(height: float, course: float) -> int:
 
 
 def _pier(
-    flyer: _Flyer, foot: FloatArray, broad: float, step: float, pinnacle: float, density: float
-) -> list[Block]:
-    (_, y0, _), (_, y1, _) = foot[[0, 2]]
-    shoulder = float(foot[1, 2])
+    flyer: _Flyer, shoulder: float, sides: Span, broad: float, step: float, pinnacle: float,
+    density: float,
+) -> list[Block]:  # fmt: skip
+    """Courses up to the skewback, on which the flyer stands, and the pinnacle at its back."""
     below = _courses(flyer.foot, step)
     levels = np.linspace(0.0, flyer.foot, below + 1)
     base = levels[-2]
@@ -170,12 +178,12 @@ def _pier(
         (-broad, base), (0.0, base), (0.0, flyer.foot),
         (-flyer.setback, shoulder), (-broad, shoulder),
     ]  # fmt: skip
-    skewback = prism("skewback", outline, (y0, y1), density)
-    blocks = [*pile("p", (-broad, 0.0), (y0, y1), levels[:-1], density), skewback]
+    skewback = prism("skewback", outline, sides, density)
+    blocks = [*pile("p", (-broad, 0.0), sides, levels[:-1], density), skewback]
     if pinnacle != 0.0:
         top = shoulder + positive(pinnacle, "pinnacle")
-        low, high = (-broad, y0, shoulder), (-flyer.setback, y1, top)
-        blocks.append(Block.box("pinnacle", low, high, density))
+        back = (-broad, -flyer.setback)
+        blocks.append(brick("pinnacle", back, 0, sides, (shoulder, top), density))
     return blocks
 
 

@@ -126,17 +126,15 @@ def facade(
     """
     size, rows = sizes.size_of(unit, "the unit"), sizes.count(courses, "courses")
     weight = positive(density, "density of the facade")
-    lintel = _Lintel(
-        size[0] / 2.0 if bearing is None else positive(bearing, "bearing"),
-        sizes.count(lintel_courses, "lintel_courses"),
-    )
-    held = openings, left_openings, right_openings
-    walls = _walls(("length", "unit"), length, (left_return, right_return), size, held)
+    reach = size[0] / 2.0 if bearing is None else positive(bearing, "bearing")
+    high = sizes.count(lintel_courses, "lintel_courses")
+    every = (openings, "front"), (left_openings, "left return"), (right_openings, "right return")
+    gaps = [tuple(_gaps(each, what, reach, high)) for each, what in every]
+    walls = _walls(("length", "unit"), length, (left_return, right_return), size, gaps)
     for wall in walls:
-        wall.check(rows, lintel)
-    blocks = [block for wall in walls for block in wall.blocks(rows, size, lintel, weight)]
-    ground = sizes.ground_below(blocks, depth=size[2])
-    return sizes.scene_of((ground, *blocks), sizes.ACROSS, live, friction, name)
+        wall.check(rows)
+    blocks = [block for wall in walls for block in wall.blocks(rows, size, weight)]
+    return sizes.scene_of(blocks, sizes.ACROSS, live, friction, name, ground=size[2])
 
 
 def house_corner(
@@ -249,30 +247,38 @@ def panel(
     """
     size, rows = sizes.size_of(brick, "the brick"), sizes.count(courses, "courses")
     weight = positive(density, "density of the panel")
-    walls = _walls(("front", "brick"), front, (left_return, right_return), size, ((), (), ()))
+    walls = _walls(("front", "brick"), front, (left_return, right_return), size, [()] * 3)
     blocks: list[Block] = []
     for row in range(rows):
         for wall in walls:
             is_half = wall.prefix == "f" and row % 2 == 1 and not wall.inset[0]
             bricks = _bricks(wall.span(row), size[0], size[0] / (2.0 if is_half else 1.0))
             blocks += wall.course(row, bricks, size[2], weight)
-    ground = sizes.ground_below(blocks, depth=size[2])
-    return sizes.scene_of((ground, *blocks), sizes.ACROSS, live, friction, name)
+    return sizes.scene_of(blocks, sizes.ACROSS, live, friction, name, ground=size[2])
 
 
 @dataclass(frozen=True)
-class _Lintel:
-    bearing: float
-    courses: int
+class _Gap:
+    """What takes the place of units in a wall: an opening, by its number, or its lintel. ``rows``
+    are its courses, ``span`` is from where to where it reaches along the wall."""
 
-    def over(self, opening: Opening) -> Span:
-        """Returns where (from, to) the lintel of an opening lies along the wall."""
-        return opening.start - self.bearing, opening.start + opening.width + self.bearing
+    number: int
+    rows: range
+    span: Span
+    is_lintel: bool
 
-    def rows(self, opening: Opening) -> range:
-        """Returns the courses that the lintel of an opening takes."""
-        top = opening.sill + opening.courses
-        return range(top, top + self.courses)
+
+def _gaps(
+    openings: Sequence[Opening], what: str, bearing: float, lintel_courses: int
+) -> Iterator[_Gap]:
+    """Openings and lintels of a wall that refusals call ``what``."""
+    for number, each in enumerate(openings, start=1):
+        if not isinstance(each, Opening):
+            raise InputError(f"opening {number} of the {what} must be an Opening, got {each!r}")
+        top, end = each.sill + each.courses, each.start + each.width
+        yield _Gap(number, range(each.sill, top), (each.start, end), False)
+        over = each.start - bearing, end + bearing
+        yield _Gap(number, range(top, top + lintel_courses), over, True)
 
 
 @dataclass(frozen=True)
@@ -287,50 +293,37 @@ class _Wall:
     across: Span
     inset: Span
     gives_way: int
-    openings: tuple[Opening, ...]
+    gaps: tuple[_Gap, ...]
 
     @property
     def clear(self) -> Span:
         """The wall from end to end between other walls."""
         return self.inset[0], self.length - self.inset[1]
 
-    def check(self, rows: int, lintel: _Lintel) -> None:
+    def check(self, rows: int) -> None:
+        """Refuse openings that reach out of the wall, or into each other, with their lintels."""
         slack = 1e-9 * self.length  # rounding of sums of sizes, far below any joint
-        for number, opening in enumerate(self.openings, start=1):
-            if not isinstance(opening, Opening):
-                raise InputError(
-                    f"opening {number} of the {self.what} must be an Opening, got {opening!r}"
-                )
-            low, high = lintel.over(opening)
+        for gap in self.gaps:
+            (low, high), opening = gap.span, f"opening {gap.number} of the {self.what}"
             if low < self.clear[0] - slack or high > self.clear[1] + slack:
                 raise InputError(
-                    f"opening {number} of the {self.what} reaches from {low:g} to {high:g} with "
-                    f"its lintel, but the wall is free from {self.clear[0]:g} to "
-                    f"{self.clear[1]:g} only: move it or make it narrower"
+                    f"{opening} reaches from {low:g} to {high:g} with its lintel, but the wall is "
+                    f"free from {self.clear[0]:g} to {self.clear[1]:g} only: move it or make it "
+                    "narrower"
                 )
-            if lintel.rows(opening).stop > rows:
+            if gap.rows.stop > rows:
                 raise InputError(
-                    f"opening {number} of the {self.what} needs {lintel.rows(opening).stop} courses"
-                    f" with its lintel, but the wall has {rows}"
+                    f"{opening} needs {gap.rows.stop} courses with its lintel, but the wall has "
+                    f"{rows}"
                 )
-        for row in range(rows):
-            for (i, first), (j, second) in combinations(self.gaps(row, lintel), 2):
-                if max(first[0], second[0]) < min(first[1], second[1]) - slack:
-                    raise InputError(
-                        f"openings {i} and {j} of the {self.what} overlap with their lintels in "
-                        f"course {row + 1}: move them apart"
-                    )
-
-    def gaps(self, row: int, lintel: _Lintel) -> list[tuple[int, Span]]:
-        """Returns the parts of a course taken by openings and lintels, with the opening's
-        number."""
-        parts = []
-        for number, opening in enumerate(self.openings, start=1):
-            if row in lintel.rows(opening):
-                parts.append((number, lintel.over(opening)))
-            elif opening.sill <= row < opening.sill + opening.courses:
-                parts.append((number, (opening.start, opening.start + opening.width)))
-        return parts
+        for one, other in combinations(self.gaps, 2):
+            both = range(max(one.rows.start, other.rows.start), min(one.rows.stop, other.rows.stop))
+            apart = max(one.span[0], other.span[0]) >= min(one.span[1], other.span[1]) - slack
+            if both and not apart:
+                raise InputError(
+                    f"openings {one.number} and {other.number} of the {self.what} overlap with "
+                    f"their lintels in course {both[0] + 1}: move them apart"
+                )
 
     def span(self, row: int) -> Span:
         """Returns where (from, to) a course of the wall lies."""
@@ -342,17 +335,19 @@ class _Wall:
         name, levels = f"{self.prefix}{row + 1}.", (row * height, (row + 1) * height)
         return sizes.laid(name, pieces, self.along, self.across, levels, density)
 
-    def blocks(self, rows: int, size: Size, lintel: _Lintel, density: float) -> Iterator[Block]:
+    def blocks(self, rows: int, size: Size, density: float) -> Iterator[Block]:
         length, _, height = size
         for row in range(rows):
             shift = length / 2.0 if row % 2 == self.gives_way else 0.0
-            solid = _between(self.span(row), [gap for _, gap in self.gaps(row, lintel)], length)
+            taken = [gap.span for gap in self.gaps if row in gap.rows]
+            solid = _between(self.span(row), taken, length)
             pieces = [piece for span in solid for piece in _pieces(span, shift, length)]
             yield from self.course(row, pieces, height, density)
-        for number, opening in enumerate(self.openings, start=1):
-            name, taken = f"{self.prefix}.lintel{number}", lintel.rows(opening)
-            span, levels = lintel.over(opening), (taken.start * height, taken.stop * height)
-            yield sizes.brick(name, span, self.along, self.across, levels, density)
+        for gap in self.gaps:
+            if gap.is_lintel:
+                name = f"{self.prefix}.lintel{gap.number}"
+                levels = gap.rows.start * height, gap.rows.stop * height
+                yield sizes.brick(name, gap.span, self.along, self.across, levels, density)
 
 
 def _walls(
@@ -360,9 +355,10 @@ def _walls(
     length: float,
     returns: Span,
     size: Size,
-    openings: tuple[Sequence[Opening], Sequence[Opening], Sequence[Opening]],
+    gaps: Sequence[tuple[_Gap, ...]],
 ) -> list[_Wall]:
-    """Front and returns; ``words`` are what refusals call the front's length and a block."""
+    """Front and returns, with the ``gaps`` of each; ``words`` are what refusals call the front's
+    length and a block."""
     thick, front = size[1], positive(length, words[0])
     lengths = [
         0.0 if value == 0.0 else positive(value, f"{side}_return")
@@ -374,9 +370,9 @@ def _walls(
             f"{words[0]} must be longer than the thickness of its returns, {sum(inset):g}, got "
             f"{front:g}"
         )
-    walls = [_Wall("f", "front", front, 0, (0.0, thick), inset, 1, tuple(openings[0]))]
+    walls = [_Wall("f", "front", front, 0, (0.0, thick), inset, 1, gaps[0])]
     places = ("l", "left", 0.0), ("r", "right", front - thick)
-    for (prefix, side, x), reach, held in zip(places, lengths, openings[1:], strict=True):
+    for (prefix, side, x), reach, held in zip(places, lengths, gaps[1:], strict=True):
         if not reach and held:
             raise InputError(f"{side}_openings need a {side}_return, which has no length")
         if not reach:
@@ -387,7 +383,7 @@ def _walls(
                 f"{reach:g}; use 0 for no return"
             )
         across, what = (x, x + thick), f"{side} return"
-        walls.append(_Wall(prefix, what, reach, 1, across, (thick, 0.0), 0, tuple(held)))
+        walls.append(_Wall(prefix, what, reach, 1, across, (thick, 0.0), 0, held))
     return walls
 
 

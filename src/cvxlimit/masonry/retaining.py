@@ -10,7 +10,7 @@ import numpy as np
 from cvxlimit.base.checks import not_negative, positive
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
-from cvxlimit.masonry.sizes import ALONG, count, ground_below, scene_of
+from cvxlimit.masonry.sizes import ALONG, count, scene_of
 from cvxlimit.scene import GRAVITY, Load, Pressure, Scene
 from cvxlimit.scene.surroundings import earth_pressure, hydrostatic, uplift
 
@@ -145,8 +145,7 @@ def _held(
     live: Load | None,
     pressing: Callable[[Scene], tuple[Pressure, ...]],
 ) -> Scene:
-    ground = ground_below(blocks, 0.5)
-    scene = scene_of((ground, *blocks), ALONG, live, friction, name)
+    scene = scene_of(blocks, ALONG, live, friction, name, ground=0.5)
     pressures = pressing(scene)
     if live is None:
         return scene.with_live(Load(pressures=pressures))

@@ -74,9 +74,18 @@ def prism(id: str, outline: Sequence[ArrayLike], sides: Span, density: float | N
 
 
 def scene_of(
-    blocks: Sequence[Block], usual: Load, live: Load | None, friction: float, name: str, **more: Any
+    blocks: Sequence[Block],
+    usual: Load,
+    live: Load | None,
+    friction: float,
+    name: str,
+    ground: float | None = None,
+    **more: Any,
 ) -> Scene:
-    """Blocks without density are the supports; the ``usual`` live load holds if none is given."""
+    """Blocks without density are the supports, and a ground of so much depth below all blocks comes
+    first; the ``usual`` live load holds if none is given."""
+    if ground is not None:
+        blocks = [ground_below(blocks, ground), *blocks]
     supports = tuple(block.id for block in blocks if block.density is None)
     load = usual if live is None else live
     return Scene(tuple(blocks), supports, load, friction=friction, name=name, **more)

@@ -11,7 +11,16 @@ from cvxlimit.base.checks import finite_vector, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
-from cvxlimit.masonry.sizes import ALONG, Size, count, ground_below, laid, scene_of, size_of
+from cvxlimit.masonry.sizes import (
+    ALONG,
+    Size,
+    brick,
+    count,
+    ground_below,
+    laid,
+    scene_of,
+    size_of,
+)
 from cvxlimit.scene import Load, Scene
 
 Course = Sequence[float]
@@ -210,7 +219,7 @@ def random_wall(
         blocks += laid(f"b{row + 1}.", pairwise(ends), 0, (0.0, thickness), span, weight)
     fixed = [ground_below(blocks, depth=height)]
     if rng.random() < 0.5:
-        fixed.append(Block.box("side-start", (-length, 0.0, 0.0), (0.0, thickness, levels[-1])))
+        fixed.append(_side_support("start", blocks, (length, thickness, height)))
     direction = rng.normal(size=3)
     push = Load(acceleration=tuple(direction / np.linalg.norm(direction)))
     friction = float(rng.uniform(*FRICTION))
@@ -257,15 +266,10 @@ def stack(
     length, thickness, height = size_of(size, "the block")
     dx, dy = finite_vector(shift, 2, "shift")
     weight = positive(density, "density of the stack")
-    pile = [
-        Block.box(
-            f"b{i + 1}",
-            (i * dx, i * dy, i * height),
-            (i * dx + length, i * dy + thickness, (i + 1) * height),
-            weight,
-        )
-        for i in range(count(blocks, "blocks"))
-    ]
+    pile = []
+    for i in range(count(blocks, "blocks")):
+        x, y = (i * dx, i * dx + length), (i * dy, i * dy + thickness)
+        pile.append(brick(f"b{i + 1}", x, 0, y, (i * height, (i + 1) * height), weight))
     ground = ground_below(pile[:1], depth=height)
     return scene_of((ground, *pile), ALONG, live, friction, name)
 

@@ -16,13 +16,13 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any
 
-from cvxlimit.base.checks import meant, of_type
+from cvxlimit.base.checks import of_type
 from cvxlimit.base.files import write_file
 from cvxlimit.errors import InputError
 from cvxlimit.plotting import pictures
 from cvxlimit.plotting.annotations import refused
-from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
-from cvxlimit.plotting.look import IMAGES, saved, title, with_suffix
+from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for, scene_drawing
+from cvxlimit.plotting.look import IMAGES, of_kind, saved, title, with_suffix
 from cvxlimit.plotting.pictures.animation import Animation, animation
 from cvxlimit.plotting.pictures.exploded import exploded
 from cvxlimit.plotting.pictures.forces import forces, thrust
@@ -37,7 +37,7 @@ from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import ContactKind, ContactMotion
 
 if TYPE_CHECKING:
-    from cvxlimit.plotting.drawing import SceneFigure as SceneFigure
+    from cvxlimit.plotting.sheet import SceneFigure as SceneFigure
 
 __all__ = [
     "PICTURES", "Animation", "Bar", "ContactKind", "ContactMotion", "Drawing", "Lines", "Motion",
@@ -58,7 +58,7 @@ if not TYPE_CHECKING:  # to type checkers it would make any name an attribute
 
     def __getattr__(name: str) -> Any:
         if name == "SceneFigure":  # a Matplotlib figure
-            return figures().SceneFigure
+            return figures("sheet").SceneFigure
         raise AttributeError(f"module 'cvxlimit.plotting' has no attribute {name!r}")
 
 
@@ -66,16 +66,10 @@ def picture_of(
     solution: Solution, kind: str, path: str | os.PathLike[str] | None = None, **options: Any
 ) -> Any:
     """The picture of a solution by its kind, or its file; see :meth:`Solution.plot`."""
-    if kind not in PICTURES:
-        raise InputError(
-            f"there is no picture {kind!r}: choose one of {', '.join(PICTURES)}"
-            + meant(kind, PICTURES, before="; ")
-        )
-    if path is None:
-        return PICTURES[kind](solution, **options)
-    if Path(path).suffix.lower() in (".html", ".vtu") and not options and kind != "page":
+    is_mechanism = kind in PICTURES and kind != "page" and not options
+    if is_mechanism and path is not None and Path(path).suffix.lower() in (".html", ".vtu"):
         return plot(solution.scene, solution, path)[0]
-    return saved(PICTURES[kind](solution, **options), path, options)
+    return of_kind("a solution", PICTURES, kind, solution, path, options)
 
 
 def plot(scene: Scene, solution: Solution, path: str | os.PathLike[str]) -> tuple[Path, ...]:
@@ -164,9 +158,8 @@ def scene_figure(
     ``viewer`` is the direction from the scene towards the viewer; ``ax``, ``figsize``, ``title``
     and ``legend`` are those of :func:`picture`.
     """
-    made = figures()
-    drawing = made.scene_drawing(scene, viewer, refusal or refused(scene))
-    found: SceneFigure = made.drawn(drawing, made.Sheet(**options))
+    drawing = scene_drawing(scene, viewer, refusal or refused(scene))
+    found: SceneFigure = figures().drawn(drawing, **options)
     return found
 
 
@@ -174,8 +167,5 @@ def figure(scene: Scene, solution: Solution, viewer: Viewer = None, **options: A
     """The picture of :func:`plot` as a Matplotlib figure, which notebooks show when it ends a cell.
     ``viewer`` is the direction from the scene towards the viewer, chosen from the movement if
     None; ``ax``, ``figsize``, ``title`` and ``legend`` are those of :func:`picture`."""
-    made = figures()
-    found: SceneFigure = made.drawn(
-        mechanism_of(scene, solution, viewer=viewer), made.Sheet(**options)
-    )
+    found: SceneFigure = figures().drawn(mechanism_of(scene, solution, viewer=viewer), **options)
     return found

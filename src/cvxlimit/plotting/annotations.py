@@ -82,14 +82,14 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
-    """Arrows and marks of a scene, the ids of blocks to blame for a ``refusal``, and the length of
-    a unit of force for each load case whose arrows are to scale (``each``)."""
+    """Arrows and marks of a scene, the ids of blocks to blame for a ``refusal``, and the largest
+    force of each load case whose arrows are to scale."""
 
     arrows: tuple[Arrow, ...] = ()
     marks: tuple[Mark, ...] = ()
     culprits: frozenset[str] = frozenset()
     refusal: str = ""
-    each: Mapping[str, float] = field(default_factory=dict)
+    largest: Mapping[str, float] = field(default_factory=dict)
 
 
 def annotated(scene: Scene, refusal: InputError | None = None) -> Annotations:
@@ -108,22 +108,13 @@ def annotated(scene: Scene, refusal: InputError | None = None) -> Annotations:
 def loads_to_scale(scene: Scene, live: float) -> Annotations:
     """Returns the loads at load factor ``live``, arrows in proportion to forces. Each case has a
     scale of its own, since a push may be a hundredth of the weights."""
-    notes = annotated(scene)
-    each, arrows = dict[str, float](), list[Arrow]()
-    for case, load in (("dead", scene.dead), ("live", scene.live)):
-        times = live if case == "live" else 1.0
-        sizes = [float(np.linalg.norm(force)) for _, force, _ in _parts(scene, load)]
-        sizes = [times * size for size in sizes if size > 0.0]
-        if not any(sizes):  # no load, or a load factor of zero
-            continue
-        each[case] = LONGEST * free_size(scene) / max(map(abs, sizes))
-        own = (arrow for arrow in notes.arrows if arrow.case == case)
-        for arrow, size in zip(own, sizes, strict=True):
-            tail, tip = np.array(arrow.tail), np.array(arrow.tip)
-            along = each[case] * size * (tip - tail) / np.linalg.norm(tip - tail)
-            ends = (tail, tail + along) if arrow.total else (tip - along, tip)
-            arrows.append(replace(arrow, tail=tuple(ends[0].tolist()), tip=tuple(ends[1].tolist())))
-    return replace(notes, arrows=tuple(arrows), each=each)
+    largest = {}
+    for case, load, times in (("dead", scene.dead, 1.0), ("live", scene.live, live)):
+        sizes = [float(np.linalg.norm(times * force)) for _, force, _ in _parts(scene, load)]
+        if any(sizes):  # no load, or a load factor of zero
+            largest[case] = max(sizes)
+    arrows = (arrow for arrow in _arrows(scene, live) if arrow.case in largest)
+    return replace(annotated(scene), arrows=tuple(arrows), largest=largest)
 
 
 def refused(scene: Scene) -> InputError | None:
@@ -144,23 +135,22 @@ def joint_kinds(scene: Scene, contacts: Contacts) -> IntArray:
     return kind
 
 
-def _arrows(scene: Scene) -> Iterator[Arrow]:
-    """Yields an arrow for each part of both loads, with lengths between ``SHORTEST`` and
-    ``LONGEST``."""
+def _arrows(scene: Scene, live: float | None = None) -> Iterator[Arrow]:
+    """Yields an arrow for each part of both loads: between ``SHORTEST`` and ``LONGEST``, or with a
+    load factor ``live``, whose sign turns those of the live load, in proportion to forces."""
+    least = SHORTEST if live is None else 0.0
     for case, load in (("dead", scene.dead), ("live", scene.live)):
-        parts = list(_parts(scene, load))
+        turned = -1.0 if case == "live" and live is not None and live < 0.0 else 1.0
+        parts = [part for part in _parts(scene, load) if part[1].any()]
         largest = max((float(np.linalg.norm(force)) for _, force, _ in parts), default=0.0)
         for at, force, text in parts:
             size = float(np.linalg.norm(force))
-            if not size > 0.0:
-                continue
-            length = max(SHORTEST, LONGEST * size / largest) * free_size(scene)
-            ends = (at - length * force / size, at)
+            length = max(least, LONGEST * size / largest) * free_size(scene)
+            along = turned * length * force / size
             total = text.startswith("resultant")
-            if total:
-                ends = (at, at + length * force / size)
+            tail, tip = (at, at + along) if total else (at - along, at)
             words = f"{case} load, {text}: {size:.4g} {scene.units.force}"
-            yield Arrow(tuple(ends[0].tolist()), tuple(ends[1].tolist()), case, words, total)
+            yield Arrow(tuple(tail.tolist()), tuple(tip.tolist()), case, words, total)
 
 
 def _parts(scene: Scene, load: Load) -> Iterator[tuple[FloatArray, FloatArray, str]]:

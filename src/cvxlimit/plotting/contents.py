@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape
+from cvxlimit.errors import InputError
+from cvxlimit.plotting.annotations import Annotations, Decal, Marking, Shape, annotated
 from cvxlimit.plotting.camera import Camera, camera_from, default_camera
-from cvxlimit.plotting.look import CASE_COLOURS, block_colours, title
+from cvxlimit.plotting.look import block_colours, scene_joints, scene_title, title
 from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, motion, still
 from cvxlimit.scene import Scene
@@ -32,7 +31,7 @@ class Bar:
 class Lines:
     """Straight lines over the blocks: ends (k, 2, 3), widths (k,) in points, one colour; opacity
     (k,) of each if it differs, and heads at their second ends if they are arrows. With ``each``,
-    the length of a unit of force, a bar states the scale."""
+    the length of a unit of force, the legend states the largest."""
 
     ends: FloatArray
     widths: FloatArray
@@ -89,21 +88,6 @@ class Drawing:
     glass: bool = False
     keys: Sequence[tuple[str, str]] = ()
 
-    @property
-    def scales(self) -> list[tuple[float, float, str]]:
-        """Returns for each kind of force that is drawn to scale the length of a unit, that of the
-        longest arrow, and its colour."""
-        found = []
-        if self.lines is not None and self.lines.each is not None and len(self.lines.ends):
-            run = self.lines.ends[:, 1] - self.lines.ends[:, 0]
-            longest = float(np.linalg.norm(run, axis=1).max())
-            found.append((self.lines.each, longest, self.lines.colour))
-        for case, each in self.notes.each.items():
-            arrows = [arrow for arrow in self.notes.arrows if arrow.case == case]
-            longest = max(float(np.linalg.norm(np.subtract(a.tip, a.tail))) for a in arrows)
-            found.append((each, longest, CASE_COLOURS[case]))
-        return found
-
 
 def camera_for(scene: Scene, moving: Motion, viewer: Viewer) -> Camera:
     """The camera in direction ``viewer``, or the one that shows the movement."""
@@ -115,3 +99,11 @@ def at_rest(solution: Solution, viewer: Viewer, caption: str, **parts: Any) -> D
     camera = camera_for(scene, motion(scene, solution), viewer)
     pale = block_colours(scene, still(scene), stone=Style.pale)
     return Drawing(scene, still(scene), camera, title(solution), caption, colours=pale, **parts)
+
+
+def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> Drawing:
+    """Returns what is drawn of a scene without an answer, with its ``refusal`` if there is one."""
+    moving = still(scene)
+    marking = None if refusal else scene_joints(scene)
+    camera, notes = camera_for(scene, moving, viewer), annotated(scene, refusal)
+    return Drawing(scene, moving, camera, scene_title(scene), marking=marking, notes=notes)

@@ -1,144 +1,94 @@
-"""The picture with title, axes, colour bar and legend: Matplotlib without a display."""
+"""Figures of scenes: what is seen of blocks, what lies over them, and what is said beside them."""
 
 from __future__ import annotations
 
-import io
-import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgba
-from matplotlib.figure import Figure
+from matplotlib.colors import to_rgba
+from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 import cvxlimit.plotting.look as look
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Annotations, annotated
-from cvxlimit.plotting.axes import Axes as Coordinates
+from cvxlimit.plotting.axes import coordinate_axes, draw_axis
 from cvxlimit.plotting.camera import Camera, default_camera
-from cvxlimit.plotting.contents import Bar, Drawing, Lines, Viewer, camera_for
-from cvxlimit.plotting.look import IMAGES, Saved
+from cvxlimit.plotting.contents import Drawing, Lines
 from cvxlimit.plotting.picture import Fill, Seen, seen
-from cvxlimit.plotting.sheet import (
-    KEYS,
-    PAPER,
-    Fit,
-    Letters,
-    Sheet,
-    columns_of,
-    contents_keys,
-    fitted,
-    lines_of,
-    measured,
-    notes_keys,
-)
+from cvxlimit.plotting.sheet import DPI, WIDE, SceneFigure, Sheet
 from cvxlimit.plotting.style import Style
-from cvxlimit.results.movement import Motion, still
+from cvxlimit.results.movement import Motion
 from cvxlimit.scene import Scene
 
-
-class SceneFigure(Figure, Saved):
-    """A Matplotlib figure that notebooks show without any set-up."""
-
-    suffixes = IMAGES
-
-    def _repr_png_(self) -> bytes:
-        return self.file("png")
-
-    def file(self, kind: str) -> bytes:
-        """Returns the figure as a ``png``, ``svg`` or ``pdf``, the same bytes for the same figure;
-        a character that the font lacks is a box."""
-        buffer = io.BytesIO()
-        dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
-        with warnings.catch_warnings(), rc_context({"svg.hashsalt": "cvxlimit"}):
-            warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-            self.savefig(buffer, format=kind, dpi=max(PAPER.dpi, self.dpi), metadata=dated)
-        return buffer.getvalue()
-
-    def pixels(self) -> NDArray[np.uint8]:
-        """The figure as an image (height, width, 3)."""
-        canvas = FigureCanvasAgg(self)
-        canvas.draw()  # type: ignore[no-untyped-call]
-        shown = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
-        return shown[:, :, :3].copy()
+ROOM, NARROWEST = np.array([7.6, 6.4]), 6.7
+"""Inches that a scene takes, and the least width of a figure, where nobody states a size."""
 
 
-def scene_drawing(scene: Scene, viewer: Viewer, refusal: InputError | None) -> Drawing:
-    """Returns what is drawn of a scene without an answer, with its ``refusal`` if there is one."""
-    moving = still(scene)
-    marking = None if refusal else look.scene_joints(scene)
-    camera, notes = camera_for(scene, moving, viewer), annotated(scene, refusal)
-    return Drawing(scene, moving, camera, look.scene_title(scene), marking=marking, notes=notes)
+def drawn(drawing: Drawing, **options: Any) -> SceneFigure:
+    """Returns the figure of a drawing; options are those of :func:`cvxlimit.plotting.picture`."""
+    return assembled(drawing, seen(drawing), **options)[0]
 
 
-def drawn(drawing: Drawing, sheet: Sheet | None = None) -> SceneFigure:
-    """Returns the figure of a drawing on a ``sheet``."""
-    return assembled(drawing, seen(drawing), sheet or Sheet())[0]
-
-
-def assembled(drawing: Drawing, picture: Seen, sheet: Sheet) -> tuple[SceneFigure, list[Artist]]:
+def assembled(drawing: Drawing, picture: Seen, **options: Any) -> tuple[SceneFigure, list[Artist]]:
     """Returns a figure around a scene, and the artists of what moves in it."""
-    # Places of all parts in inches, then a figure of that size, or the caller's axes.
-    parts = _Parts.of(drawing, picture, sheet)
-    if sheet.ax is None:
-        figure: Any = SceneFigure(parts.size, dpi=PAPER.dpi, facecolor="white")
-        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    else:
-        axes = sheet.ax
-        figure = axes.get_figure(root=True)
+    scene, camera, notes = drawing.scene, drawing.camera, drawing.notes
+    coordinates = list(coordinate_axes(scene, camera)) if drawing.has_axes else []
+    points = np.concatenate([_points(drawing, picture), *(each.ends for each in coordinates)])
+    extent = np.ptp(points, axis=0)
+    wide, tall = extent * (ROOM / extent).min()
+    sheet = Sheet.of((max(wide + 1.7, NARROWEST), tall + 2.2), **options)
+    axes = sheet.axes
     axes.set_axis_off()
-    axes.set_xlim(parts.low[0], parts.low[0] + parts.size[0] / parts.fit.scale)
-    axes.set_ylim(parts.low[1], parts.low[1] + parts.size[1] / parts.fit.scale)
-    axes.set_aspect("equal")
-    # The scene, and over it arrows, lines, dots, shapes and coordinates; then texts and scales.
-    weight = min(1.0, max(0.5, float(parts.fit.taken.max()) / PAPER.fine))
+    axes.set(xlim=_ends(points[:, 0]), ylim=_ends(points[:, 1]), aspect="equal")
+    # The scene, and over it arrows, lines, dots and shapes; lines are finer in a small figure.
+    weight = min(1.0, max(0.5, sheet.width / WIDE))
     moved = draw_seen(axes, picture, weight, drawing.glass)
     _draw_notes(axes, drawing, weight)
     if drawing.lines is not None:
         _draw_lines(axes, drawing, drawing.lines, weight)
     _draw_dots(axes, drawing, weight)
     _draw_shapes(axes, drawing, weight)
-    if parts.coordinates is not None:
-        _draw_axes(axes, parts.coordinates, parts.fit.scale)
-    parts.write(figure if sheet.ax is None else axes, axes, drawing)
-    parts.write_scales(axes, drawing, weight)
-    return figure, moved
+    # What is said of it, and coordinates, which have as many numbers as there is room for then.
+    for key in _keys(drawing):
+        axes.add_line(key)
+    caption = f"refused: {notes.refusal}" if notes.refusal else drawing.caption
+    ink = Style.mark if notes.refusal else Style.ink
+    sheet.write(drawing.heading, look.printable(caption), ink)
+    if drawing.bar is not None:
+        sheet.write_bar(drawing.bar)
+    sheet.lay_out()
+    scale = sheet.scale()
+    for each in coordinates:
+        draw_axis(each, sheet, scale, scene.units.length)
+    sheet.lay_out()
+    sheet.cut()
+    return sheet.figure, moved
 
 
 def thumbnail(
-    scene: Scene,
-    moving: Motion,
-    refusal: InputError | None,
-    pixels: int = 420,
+    scene: Scene, moving: Motion, refusal: InputError | None, pixels: int = 420,
     camera: Camera | None = None,
-) -> bytes:
+) -> bytes:  # fmt: skip
+    """Returns a small picture without any words, as a PNG of so many pixels on its longer side."""
     notes = Annotations() if refusal is None else annotated(scene, refusal)
-    drawing = Drawing(scene, moving, camera or default_camera(scene, moving), notes=notes)
+    drawing = Drawing(
+        scene, moving, camera or default_camera(scene, moving),
+        notes=Annotations(marks=notes.marks, culprits=notes.culprits), has_axes=False,
+    )  # fmt: skip
     picture = seen(drawing)
-    low, high = picture.bounds
-    pad = 0.01 * (high - low).max()
-    extent = high - low + 2.0 * pad
-    size = pixels / PAPER.dpi * extent / extent.max()
-    figure = SceneFigure(tuple(size), dpi=PAPER.dpi, facecolor="none")
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set_axis_off()
-    axes.set_xlim(low[0] - pad, high[0] + pad)
-    axes.set_ylim(low[1] - pad, high[1] + pad)
-    draw_seen(axes, picture, 0.5)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=PAPER.dpi)
-    return buffer.getvalue()
+    extent = np.ptp(picture.bounds, axis=0)
+    size = tuple(pixels / DPI * extent / extent.max())
+    figure, _ = assembled(drawing, picture, figsize=size, title="", legend=False)
+    figure.set_facecolor("none")
+    return figure.file("png")
 
 
 # --- what is seen of the scene -------------------------------------------------------------------
@@ -262,145 +212,6 @@ def _draw_shapes(axes: Axes, drawing: Drawing, weight: float) -> None:
                       zorder=6.5, clip_on=False)  # fmt: skip
 
 
-def _draw_axes(axes: Axes, coordinates: Coordinates, scale: float) -> None:
-    """Draws coordinate axes with ticks and numbers."""
-    ticks = [np.stack([at, at + away / scale]) for at, away in coordinates.ticks]
-    axes.add_collection(
-        LineCollection([*coordinates.lines, *ticks], colors=Style.ink, linewidths=0.8, zorder=3),
-        autolim=False,
-    )
-    for word in coordinates.words:
-        x, y = word.away
-        axes.annotate(
-            word.text, word.at, (x / PAPER.point, y / PAPER.point), textcoords="offset points",
-            ha=word.level, va=word.upright, fontsize=word.size, color=Style.ink,
-            annotation_clip=False, parse_math=False,
-        )  # fmt: skip
-
-
-# --- the sheet around it -------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    """A figure's parts and their places, in inches from its lower left corner."""
-
-    size: tuple[float, float]
-    letters: Letters
-    heading: list[str]
-    said: list[str]
-    keys: list[Artist]
-    columns: int
-    bar: tuple[float, float, float, float] | None
-    bar_label: str
-    fit: Fit
-    low: FloatArray
-    coordinates: Coordinates | None
-
-    @classmethod
-    def of(cls, drawing: Drawing, picture: Seen, sheet: Sheet) -> _Parts:
-        # The width decides the size of letters, and how many lines title and caption take.
-        points, stated = _points(drawing, picture), sheet.size
-        width = stated[0] if stated else _automatic(points)
-        letters = Letters(width)
-        inner = width - 2.0 * PAPER.pad
-        refusal = drawing.notes.refusal
-        title = drawing.heading if sheet.title is None else sheet.title
-        caption = f"refused: {refusal}" if refusal else drawing.caption
-        heading = lines_of(title, letters.heading, inner)
-        below = lines_of(look.printable(caption) if title else "", letters.caption, inner)
-        keys = [*contents_keys(drawing), *notes_keys(drawing.notes)] if sheet.legend else []
-        texts = [str(key.get_label()) for key in keys]
-        columns = columns_of(texts, letters.key, inner) if keys else 1
-        rows = -(-len(keys) // columns)
-        # Room above for texts and scales, below for the legend, beside or below for the colour bar.
-        top = PAPER.pad + PAPER.point * (
-            1.3 * letters.heading * len(heading) + 1.35 * letters.caption * len(below)
-        )
-        foot = PAPER.pad + PAPER.point * 1.5 * letters.key * rows
-        bar_label, bar_room = _bar_room(drawing.bar, letters, inner, stated and stated[1])
-        top += PAPER.scale_room * bool(drawing.scales)
-        side = bar_room if letters.is_wide else 0.0
-        foot += 0.0 if letters.is_wide else bar_room
-        # The scene takes what is left, in the middle of it.
-        tallest = stated[1] if stated else top + foot + PAPER.tallest
-        room = np.array([inner - side, max(tallest - top - foot - 2.0 * PAPER.pad, 0.3 * tallest)])
-        fit, coordinates = _in_view(drawing, points, letters, room)
-        height = stated[1] if stated else top + foot + 2.0 * PAPER.pad + float(fit.taken[1])
-        room[1] = height - top - foot - 2.0 * PAPER.pad
-        place = np.array([PAPER.pad, foot + PAPER.pad]) + 0.5 * np.maximum(room - fit.taken, 0.0)
-        bar = None
-        if drawing.bar is not None:
-            bar = (width - side + 0.05, foot + PAPER.pad + 0.22 * room[1], 0.15, 0.7 * room[1])
-            if not letters.is_wide:
-                bar = (0.18 * width, foot - 0.02 - 0.13, 0.64 * width, 0.09)
-        return cls(
-            (width, height), letters, heading, below, keys, columns, bar, bar_label, fit,
-            fit.low - place / fit.scale, coordinates,
-        )  # fmt: skip
-
-    def write(self, host: Any, axes: Axes, drawing: Drawing) -> None:
-        """Writes title, caption, legend and colour bar onto a figure or into axes."""
-        width, height = self.size
-        across = host.transFigure if isinstance(host, Figure) else host.transAxes
-        colour = Style.mark if drawing.notes.refusal else Style.ink
-        top = height - PAPER.pad
-        for lines, size, ink in (
-            (self.heading, self.letters.heading, "black"), (self.said, self.letters.caption, colour)
-        ):  # fmt: skip
-            if lines:
-                host.text(
-                    0.5, top / height, "\n".join(lines), transform=across, ha="center", va="top",
-                    fontsize=size, color=ink, parse_math=False, linespacing=1.15,
-                )  # fmt: skip
-            top -= 1.3 * size * PAPER.point * len(lines)
-        if self.keys:
-            host.legend(
-                handles=self.keys, loc="lower center", ncols=self.columns,
-                fontsize=self.letters.key, bbox_to_anchor=(0.5, 0.3 * PAPER.pad / height), **KEYS,
-            )  # fmt: skip
-        if self.bar is not None and drawing.bar is not None:
-            x, y, wide, high = self.bar
-            place = (x / width, y / height, wide / width, high / height)
-            figure: Any = axes.get_figure(root=True)
-            box = host.add_axes(place) if isinstance(host, Figure) else host.inset_axes(place)
-            colours = LinearSegmentedColormap.from_list("bar", list(drawing.bar.stops))
-            level = "vertical" if self.letters.is_wide else "horizontal"
-            shown = figure.colorbar(
-                ScalarMappable(Normalize(0.0, 1.0), colours), cax=box, orientation=level
-            )
-            shown.set_label(self.bar_label, fontsize=self.letters.key)
-            shown.ax.tick_params(labelsize=self.letters.tick, pad=2.0, length=2.5)
-
-    def write_scales(self, axes: Axes, drawing: Drawing, weight: float) -> None:
-        """Draws in a row above the scene, for each kind of arrow to scale, a bar as long as a round
-        force."""
-        y = self.size[1] - 0.5 * PAPER.scale_room - PAPER.pad - PAPER.point * (
-            1.3 * self.letters.heading * len(self.heading)
-            + 1.35 * self.letters.caption * len(self.said)
-        )  # fmt: skip
-        right = self.size[0] - 3.0 * PAPER.pad
-        for each, longest, colour in reversed(drawing.scales):
-            force = _round_below(longest / each)
-            text = f"{force:g} {look.printable(drawing.scene.units.force)}"
-            end = self.low + np.array([right, y]) / self.fit.scale
-            start = end - np.array([force * each, 0.0])
-            _draw_arrow(axes, np.stack([start, end]), colour, 2.0 * weight, 7.0, halo=False)
-            axes.annotate(
-                text, tuple(start), (-4.0, 0.0), textcoords="offset points", ha="right",
-                va="center", fontsize=self.letters.key, color=colour, annotation_clip=False,
-                parse_math=False,
-            )  # fmt: skip
-            taken = force * each * self.fit.scale + measured(text, self.letters.key)
-            right -= taken + 3.0 * PAPER.pad
-
-
-def _round_below(value: float) -> float:
-    """Returns the largest of 1, 2 and 5 times a power of ten that is not above ``value``."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(k * power for k in (1, 2, 5) if k * power <= value))
-
-
 def _points(drawing: Drawing, picture: Seen) -> FloatArray:
     """Returns points (n, 2) of the picture that must be in view."""
     spots = [np.array([mark.at for mark in drawing.notes.marks]).reshape(-1, 3)]
@@ -412,33 +223,57 @@ def _points(drawing: Drawing, picture: Seen) -> FloatArray:
     return np.concatenate([picture.bounds, over])
 
 
-def _in_view(
-    drawing: Drawing, points: FloatArray, letters: Letters, room: FloatArray
-) -> tuple[Fit, Coordinates | None]:
-    """Returns how the scene lies in ``room`` (2,) inches, and its coordinate axes if it has any."""
-    if not drawing.has_axes:
-        return fitted(points, (), room), None
-    fit = fitted(points, (), 0.85 * room)
-    for _ in range(2):  # ticks depend on the scale, and it on them
-        coordinates = Coordinates.of(drawing.scene, drawing.camera, fit.scale, letters)
-        fit = fitted(np.concatenate([points, *coordinates.lines]), coordinates.words, room)
-    return fit, coordinates
+# --- the legend ----------------------------------------------------------------------------------
 
 
-def _automatic(points: FloatArray) -> float:
-    """Returns the width in inches of a figure whose size was not stated."""
-    width, height = np.ptp(points, axis=0)
-    scale = min(PAPER.widest / width, PAPER.tallest / height)
-    return float(max(scale * width + 1.7, PAPER.narrowest))
+def _keys(drawing: Drawing) -> Iterator[Line2D]:
+    """Yields the legend's entries: joints, forces, shapes, blocks, loads, marks."""
+    marking, notes, lines = drawing.marking, drawing.notes, drawing.lines
+    unit, moves = drawing.scene.units.force, drawing.moving.moves
+    if marking is not None:
+        for kind in (kind for kind in marking.colours if kind in marking.texts):
+            count = int((marking.kind == kind).sum())
+            if count or moves:
+                yield _key(f"{marking.texts[kind]} ({count})", marking.colours[kind])
+    if lines is not None:
+        largest = ""
+        if lines.each is not None and len(lines.ends):
+            longest = np.linalg.norm(lines.ends[:, 1] - lines.ends[:, 0], axis=1).max()
+            largest = f", largest {longest / lines.each:.4g} {unit}"
+        yield _key(lines.label + largest, lines.colour, "-")
+    if drawing.dots is not None:
+        yield _key("pressure centre", Style.centre, "o", ms=4.5, mec="white")
+    for colour, label in drawing.keys:
+        yield _key(label, colour)
+    shapes = Counter((shape.label, shape.colour) for shape in drawing.shapes)
+    for (label, colour), count in shapes.items():
+        yield _key(f"{label} ({count})", colour)
+    if moves:
+        yield _key("undeformed", Style.ghost_key[0], mec=Style.ghost_key[1])
+    else:
+        stone = Style.stone if drawing.colours is None else Style.pale
+        yield _key(drawing.blocks, "white" if drawing.glass else stone, mec=Style.glass)
+    yield _key("support", Style.support)
+    if notes.culprits:
+        yield _key("refused", Style.culprit)
+    for case in sorted({arrow.case for arrow in notes.arrows}):
+        largest = f", largest {notes.largest[case]:.4g} {unit}" if case in notes.largest else ""
+        yield _key(f"{case} load{largest}", look.CASE_COLOURS[case], "-")
+    if notes.marks:
+        label = "where it is wrong" if notes.refusal else f"near miss ({len(notes.marks)})"
+        yield _key(label, Style.mark, "o", mfc="none", mew=1.4)
 
 
-def _bar_room(
-    bar: Bar | None, letters: Letters, inner: float, height: float | None
-) -> tuple[str, float]:
-    """Returns the bar's label in lines, and the inches it takes beside or below the scene."""
-    if bar is None:
-        return "", 0.0
-    length = 0.6 * (height or 0.6 * inner) if letters.is_wide else inner
-    lines = lines_of(bar.label, letters.key, length)
-    each = PAPER.point * (1.3 * letters.key * len(lines) + 1.3 * letters.tick)
-    return "\n".join(lines), each + (0.5 if letters.is_wide else 0.2)
+def _key(label: str, colour: str, marker: str = "s", **style: Any) -> Line2D:
+    """Returns an entry of the legend: a square, a dot or, with "-", a line of a colour."""
+    shape = {"lw": 2.2} if marker == "-" else {"ls": "none", "marker": marker}
+    return Line2D(
+        [], [], color=colour, label=look.printable(label), **(shape | {"ms": 7.0} | style)
+    )
+
+
+def _ends(values: FloatArray) -> tuple[float, float]:
+    """Returns the least and the largest value, somewhat apart."""
+    low, high = float(values.min()), float(values.max())
+    pad = 0.01 * (high - low) or 1.0
+    return low - pad, high + pad

@@ -14,7 +14,7 @@ from cvxlimit.base.extras import needed
 from cvxlimit.plotting.contents import Drawing
 
 if TYPE_CHECKING:
-    from cvxlimit.plotting.drawing import SceneFigure
+    from cvxlimit.plotting.sheet import SceneFigure
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -37,7 +37,8 @@ def picture(make: Callable[P, Drawing]) -> Callable[P, SceneFigure]:
     are options there. Every picture also takes
 
     ``ax``
-        Matplotlib axes to draw into, with title and legend inside them; their figure is returned.
+        Matplotlib axes to draw into, with the title above and the legend below; their figure, whose
+        layout becomes the constrained one if it has none, is returned.
     ``figsize``
         Width and height in inches, such as ``(3.4, 3.0)`` for a journal's column; by itself a
         figure is as large as its scene needs, or as ``rcParams["figure.figsize"]`` says where that
@@ -69,8 +70,7 @@ def picture(make: Callable[P, Drawing]) -> Callable[P, SceneFigure]:
     def made(*args: P.args, **options: P.kwargs) -> SceneFigure:
         given = {p.name: options.pop(p.name) for p in common if p.name in options}
         drawing = make(*args, **options)  # refuses other names
-        made_of = figures()
-        figure: SceneFigure = made_of.drawn(drawing, made_of.Sheet(**given))
+        figure: SceneFigure = figures().drawn(drawing, **given)
         return figure
 
     parameters = [*own.parameters.values(), *common]

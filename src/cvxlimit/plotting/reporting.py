@@ -16,6 +16,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.strengths import PROPERTIES
+from cvxlimit.plotting.contents import scene_drawing
 from cvxlimit.plotting.look import printable
 from cvxlimit.plotting.pictures.mechanism import mechanism_of
 from cvxlimit.plotting.pictures.webpage import Page, asset, sentences
@@ -105,12 +106,11 @@ def _pictures(scene: Scene, solution: Solution) -> str:
         if solution.mechanism:
             drawings.append(("the mechanism", mechanism_of(scene, solution)))
             viewer = drawings[0][1].camera.axes[2]
-        at_rest = pictures.scene_drawing(scene, viewer, None)
+        at_rest = scene_drawing(scene, viewer, None)
         drawings.insert(0, ("the structure and its loads", at_rest))
         shown = ""
         for text, drawing in drawings:
-            sheet = pictures.Sheet(figsize=(4.6, 3.6), title="")
-            shown += _figure(pictures.drawn(drawing, sheet), text)
+            shown += _figure(pictures.drawn(drawing, figsize=(4.6, 3.6), title=""), text)
         return f'<div class="pictures">{shown}</div>'
     except ModelError as error:  # without Matplotlib the figures are still worth having
         return f"<p>{_text(f'no pictures: {error}')}</p>"

@@ -12,7 +12,13 @@ class Style:
     blue, red, amber, violet = "#134b73", "#d62246", "#f59e0b", "#8b2fc9"
     green, teal, brown = "#2a9d5c", "#12a4b4", "#b3541e"
     series = (blue, red, green, amber, violet, teal)
-    axis, thin = "#888888", "#555555"
+    axis, thin, grid = "#888888", "#555555", "#d9d9d9"
+
+    # Of many methods in one chart: no colour twice, further ones are grey. Fronts lie behind them.
+    methods = (red, green, "#c77f00", violet, "#0f8a97", "#7a5230", "#d04c96", "#7f8f00", "#3b5bdb",
+               "#b45309")  # fmt: skip
+    other = "#767d88"
+    fronts = ("#4aa3a8", "#c77dba", "#c9a227")
 
     # From nothing to the largest: speed of blocks, share of strength in use.
     speed = ("#f4f1e6", "#cfe3d4", "#8fc8bd", "#4aa3a8", "#1f7791", blue)

@@ -18,15 +18,8 @@ from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, cross
 from cvxlimit.geometry.overlays import Regions, difference, intersections, union
 
-
-@dataclass(frozen=True)
-class _Rounding:
-    """Regions lie on a ``grid`` of so many sizes of the picture, a hundredth of a line's width."""
-
-    grid: float = 2e-5
-
-
-_ROUNDING = _Rounding()
+GRID = 2e-5
+"""Regions lie on a grid of so many sizes of the picture, a hundredth of a line's width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +37,7 @@ class Faces:
 
     @property
     def grid(self) -> float:
-        return _ROUNDING.grid * self.size
+        return GRID * self.size
 
     @cached_property
     def planes(self) -> FloatArray:

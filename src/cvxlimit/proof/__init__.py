@@ -1,1 +1,7 @@
-"""Bounds recomputed outside the solver, and the reference states that prove them."""
+"""Bounds recomputed outside the solver, and the reference states that prove them.
+
+To read: ``strength.py``, what contacts bear; ``certificate.py``, both bounds by weak duality;
+``slater.py``, the reference states; ``opening.py``, mechanisms; ``gluing.py``, smaller assemblages;
+``admissible.py``, forces that carry a load exactly; ``minorant.py``, bounds on forces;
+``checks.py``, a claim and whether it holds.
+"""

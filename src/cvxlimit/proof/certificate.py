@@ -4,21 +4,47 @@ A solver's own claims (load factor, residuals, duality gap) are not used: solver
 factors wrong by 5 % with small residuals and no gap. Only its forces and its mechanism are used,
 and the bounds hold whatever these are.
 
+*Weak duality.* Let forces x be admissible and balance the loads, A x + f_dead + alpha f_live = 0;
+let the flow rule allow the relative rates A'u of a mechanism u with f_live . u = 1, in which
+contacts take up no more than D. Admissible forces do no less than -D of work on them, so that
+
+    alpha  =  alpha f_live . u  =  -x . A'u - f_dead . u  <=  D - f_dead . u.
+
+Every such x proves a lower bound alpha, every such u the upper bound on the right.
+
+*Slater states.* What a solver returns is nearly such x and u. Two reference states repair it, and
+cost little of the bound (:mod:`cvxlimit.proof.slater`):
+
+- Forces that exceed a yield function by y are mixed with a *dead-load state* x_d, which balances
+  the dead load strictly inside, with a reserve m there: (1 - t) x + t x_d is admissible for
+  t = max y / (y + m), and (1 - t) alpha is a lower bound. Where the dead load stands only with a
+  part alpha_d of the live load, x_d carries that, and (1 - t) alpha + t alpha_d is the bound.
+- A mechanism whose contacts lack openings s is added to an *opening field* u_0, which opens every
+  contact by r more than the flow rule asks for: u + t u_0 is allowed for t = max s / r
+  (:mod:`cvxlimit.proof.opening`). The power of dead load and dissipation over that of the live load
+  is the bound.
+
+Without such a state (a dead load about to fall; blocks wedged between supports) violations are
+weighted by :data:`REFERENCE` rates and forces, and the bound is not called proved. With one, no
+proved bound is given up for a tighter assumed one: a pebble on a boulder breaks the assumption.
+
+*Order.* :meth:`Certifier.certificate` takes the upper bound first: of u as it is, and, if that is
+not proved, with blocks glued that u does not part. Then the lower one: of all contacts, and, if the
+bracket is too wide, without those that carry next to nothing. Whatever is computed in floating
+point loses its rounding error.
+
 Letters and arrays of this module, in the scene's own units:
 
 - ``x``: a state, contact forces (n, 6) in the columns V1 V2 N M1 M2 MT of ``COMPONENTS`` with N > 0
   in compression, or internal forces (p,) where the formulation has conditions of its own;
 - ``alpha``: a load factor; ``statics.dead`` and ``statics.live`` (6 free blocks,) are the loads;
-- ``u``: a mechanism (free blocks, 6), three velocities and three rates of rotation of each
-  centroid;
-- relative rates (n, 6): those of contacts, conjugate to the contact forces column by column.
+- ``u``: a mechanism (free blocks, 6), velocities and rates of rotation at each centroid.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -31,6 +57,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import BALANCED, DOF, block_sizes
+from cvxlimit.proof.checks import SLACK
 from cvxlimit.proof.gluing import glued, without_idle
 from cvxlimit.proof.opening import OpenedMechanism, open_mechanism, spare_opening
 from cvxlimit.proof.slater import Witnesses
@@ -40,23 +67,14 @@ from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Certificate, Referen
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import YieldSurface
 
+_STUCK, _LOOSELY_STUCK = (1e-9, 1e-12), 1e-6
+"""A contact whose relative rates are below this share of the mechanism's largest rate counts as
+stuck, so that its two blocks are glued. Both shares are tried, since solvers leave up to 1e-11
+where nothing moves; the loose one where neither of them proves a bound."""
 
-@dataclass(frozen=True)
-class _Tolerances:
-    """The chosen figures of this module, each with its reason."""
-
-    stuck: tuple[float, ...] = (1e-09, 1e-12)
-    """A contact whose relative rates are below this share of the mechanism's largest rate counts as
-    stuck, so that its two blocks are glued. Both shares are tried; solvers leave up to 1e-11 where
-    nothing moves."""
-    loosely_stuck: float = 1e-06
-    """The same share, tried where neither of the two above proves a bound."""
-    gripping: float = 100.0
-    """Friction coefficient from which gluing is tried although a bound is proved: the flow rule
-    asks for an opening of friction times slip, so that slips by rounding widen the bracket."""
-
-
-_TOLERANCES = _Tolerances()
+_GRIPPING = 100.0
+"""Friction coefficient from which gluing is tried although a bound is proved: the flow rule asks
+for an opening of friction times slip, so that slips by rounding widen the bracket."""
 
 
 class _Bound(NamedTuple):
@@ -78,23 +96,8 @@ _NO_LOWER, _NO_UPPER = _Bound(-np.inf), _Bound(np.inf)
 class Certifier:
     """Certifies forces and mechanisms of one scene under given surfaces.
 
-    *Lower bound.* The forces x at load factor alpha are first brought into exact equilibrium by the
-    least change. If they then exceed a yield function by y, and the dead-load state x_d (exactly
-    in equilibrium, strictly inside) keeps a reserve m there, the mixture (1 - t) x + t x_d with
-    t = max y / (y + m) is admissible, so (1 - t) alpha is a lower bound. Where the dead load stands
-    only together with a part of the live load, x_d carries a factor alpha_d of its own, and
-    (1 - t) alpha + t alpha_d is the bound.
-
-    *Upper bound.* The mechanism u, scaled to live power 1, lacks the openings s at contacts. If a
-    field u_0 opens every contact by r more than the flow rule asks for, u + t u_0 with
-    t = max s / r is admissible, and the ratio of dead to live power bounds the load factor.
-    Surfaces with constants (cohesion) add their dissipation to the dead load's power.
-
-    The dead-load state x_d and the opening field u_0 come from :class:`Witnesses`. Where they do
-    not exist (a dead load about to fall; blocks wedged between supports), the violations are
-    weighted by :data:`REFERENCE` forces and rates, and the certificate says that the bound rests on
-    that assumption. Where they exist, a proved bound is not given up for a tighter assumed one: a
-    pebble on a boulder breaks the assumption.
+    Its reference states, ``witnesses``, are sought when a bound needs them; who has some offers
+    them, and each is checked first.
 
     Parameters
     ----------
@@ -147,8 +150,12 @@ class Certifier:
         """Take the reference states of a solution, or of the same blocks under other strengths and
         loads, as far as they are valid here: seeking them takes half of a certificate's time.
         Forces that carry a part of the live load too (``has_live``) show which. Returns False for
-        forces that are none, and takes them not; raises ModelError as :meth:`offer_dead_state`."""
-        self.witnesses.borrowed_field = self._rates(given.rates)  # checked wherever it is used
+        forces that are none, and takes them not; raises ModelError as :meth:`offer_dead_state`.
+
+        Nothing is believed: rates are checked wherever they are used; forces must be strictly
+        inside, in equilibrium to rounding. What they leave must be little of the loads too, and not
+        of themselves only: where blocks wedge each other, they may be as large as one likes."""
+        self.witnesses.borrowed_field = self._rates(given.rates)
         state, factor = self.strength.state(given.forces), 0.0
         if state is None:
             return given.forces is None
@@ -156,9 +163,10 @@ class Certifier:
             factor = self.strength.balancing(state, factor, self.statics)
         if not self.is_balanced(state, factor):  # it is under the load that it was found for
             state = self.strength.balanced(state, factor, self.statics)
-        if is_inside := self._reserve(state, factor) > 0.0:
+        left = float(self._unbalanced(state, factor).max()) / self._total_load(factor)
+        if is_taken := left <= SLACK and self._reserve(state, factor) > 0.0:
             self.witnesses.dead_state, self.witnesses.factor = state, factor
-        return is_inside
+        return is_taken
 
     def offer_dead_state(self, forces: ArrayLike, factor: float = 0.0) -> bool:
         """Offer contact forces (n, 6) as the dead-load state; returns True if they prove to be one.
@@ -215,31 +223,29 @@ class Certifier:
         ModelError
             If an array does not have the scene's number of contacts or free blocks.
         """
-        x = self.strength.state(forces)
-        u = self._rates(mechanism)
+        x, u = self.strength.state(forces), self._rates(mechanism)
         lower, upper = _NO_LOWER, _NO_UPPER
-        rate = self._largest_rate(u) if u is not None else np.inf
+        rate = np.inf if u is None else self._largest_rate(u)
         # The upper bound: of the mechanism as it is, or with blocks glued that do not part.
         if u is not None:
             upper = self._upper(u, self._largest_force(x), rate)
-            if not upper.is_proved or self.statics.contacts.friction.max() > _TOLERANCES.gripping:
-                upper = self._better_as_glued(upper, u, x)
-                if not upper.is_proved:
-                    share = _TOLERANCES.loosely_stuck
-                    upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
+            if not upper.is_proved or self.statics.contacts.friction.max() > _GRIPPING:
+                upper = self._better_as_glued(upper, u, x, *_STUCK)
+            if not upper.is_proved:
+                upper = self._better_as_glued(upper, u, x, _LOOSELY_STUCK)
         # The lower bound: of all contacts, or without those that carry next to nothing.
         if x is not None and load_factor is not None and np.isfinite(load_factor):
             rate = max(rate, self.statics.rate_of_the_lightest(self.size))
             lower = self._lower(x, load_factor, rate, u)
             end = upper.value if np.isfinite(upper.value) else load_factor
             if not lower.is_proved or end - lower.value > self._width * abs(end):
-                lower = _better(lower, self._lower_without_idle(x, load_factor, rate, u), 1.0)
-            # Both are proved and near, and still too far apart: where rates are large for a live
-            # power of 1, slips by rounding are enough for that.
-            room = self._width * abs(upper.value)
-            is_near = lower.is_proved and upper.value > lower.value > 0.5 * upper.value
-            if u is not None and is_near and upper.value - lower.value > room:
-                upper = self._better_as_glued(upper, u, x)
+                lower = self._better_without_idle(lower, x, load_factor, rate, u)
+        # Both are proved and near, and still too far apart: where rates are large for a live power
+        # of 1, slips by rounding are enough for that.
+        is_near = lower.is_proved and upper.value > lower.value > 0.5 * upper.value
+        room = self._width * abs(upper.value)
+        if u is not None and is_near and upper.value - lower.value > room:
+            upper = self._better_as_glued(upper, u, x, *_STUCK)
         return Certificate(
             lower.value, upper.value, lower.is_proved, upper.is_proved,
             self.assemblage.scaling.least, *lower.errors, *upper.errors,
@@ -256,10 +262,13 @@ class Certifier:
     def residuals(self, x: FloatArray, alpha: float) -> tuple[float, float]:
         """Returns the largest residual of equilibrium and the largest yield excess of a state, both
         over the total load."""
-        load = self._total_load(alpha)
-        residual = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
+        load, residual = self._total_load(alpha), float(self._unbalanced(x, alpha).max())
         excess = max(0.0, *(float(y.max()) for y in self.strength.excess(x)))
-        return float(residual.max()) / load, excess / load
+        return residual / load, excess / load
+
+    def _unbalanced(self, x: FloatArray, alpha: float) -> FloatArray:
+        """Returns the size of what a state leaves unbalanced at each free block."""
+        return block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
 
     def _rates(self, mechanism: ArrayLike | None) -> FloatArray | None:
         if isinstance(mechanism, np.ndarray) and mechanism.size == len(self.statics.dead):
@@ -281,8 +290,8 @@ class Certifier:
         dead_state, dead_factor = self.witnesses.dead_state, self.witnesses.factor
         is_balanced = self.is_balanced(x, alpha)
         if dead_state is None or not (is_balanced and self.is_balanced(dead_state, dead_factor)):
-            residual = block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
-            violated = residual.sum() + sum(float(np.maximum(y, 0.0).sum()) for y in excess)
+            violated = self._unbalanced(x, alpha).sum()
+            violated += sum(float(np.maximum(y, 0.0).sum()) for y in excess)
             error = violated * REFERENCE * rate if violated > 0.0 else 0.0
             return _Bound(alpha - error if np.isfinite(error) else -np.inf, False, errors)
 
@@ -300,9 +309,8 @@ class Certifier:
         # power in the mechanism, which is how fast the largest load factor changes with loads.
         hidden, live = 0.0, 0.0 if u is None else float(self.statics.live @ u.ravel())
         if u is not None and live > 0.0:
-            forces = self.strength.forces(x)
-            unbalanced = block_sizes(self.statics.residual(forces, lower), self.size)
-            unbalanced += EPSILON * self.statics.acting(forces, lower, self.size)
+            acting = self.statics.acting(self.strength.forces(x), lower, self.size)
+            unbalanced = self._unbalanced(x, lower) + EPSILON * acting
             hidden = float(unbalanced @ block_sizes(u, 1.0 / self.size)) / live
         lower = max(dead_factor, lower - hidden) if lower > dead_factor else lower - hidden
         # Where some forces are resisted by nothing no reserve of strength absorbs what is left:
@@ -312,23 +320,41 @@ class Certifier:
             lower = max(dead_factor, lower - unresisted)
         return _Bound(lower, True, errors)
 
-    def _lower_without_idle(
-        self, x: FloatArray, alpha: float, rate: float, u: FloatArray | None
+    def _better_without_idle(
+        self, lower: _Bound, x: FloatArray, alpha: float, rate: float, u: FloatArray | None
     ) -> _Bound:
-        """Returns the lower bound with the contacts left out that carry next to nothing: forces
-        that are admissible without some contacts are admissible with them."""
+        """Returns the better of a lower bound and that with the contacts left out that carry next
+        to nothing: forces that are admissible without some contacts are admissible with them."""
         can_reduce = self._can_reduce and self._flow is None and not self.strength.is_internal
         share = EPSILON**0.5  # of the largest force: half the digits of a number
         reduced = without_idle(self.assemblage, x, share) if can_reduce else None
         if reduced is None:
-            return _NO_LOWER
+            return lower
         part, forces = reduced
-        certifier = self._of_part(part)
-        if certifier is None:
-            return _NO_LOWER
+        if (certifier := self._of_part(part)) is None:
+            return lower
         if u is not None:
             u = u[np.sort(self.statics.row_of_block[part.statics.row_of_block >= 0])]
-        return certifier._lower(forces, alpha, rate, u)
+        return _better(lower, certifier._lower(forces, alpha, rate, u), 1.0)
+
+    def _better_as_glued(
+        self, upper: _Bound, u: FloatArray, x: FloatArray | None, *shares: float
+    ) -> _Bound:
+        """Returns the best of an upper bound and those of the mechanism with blocks glued that it
+        moves apart by less than one of some ``shares`` of its largest rate.
+
+        A mechanism of blocks glued together is one of the blocks themselves, so its bound holds
+        for them. The contacts inside drop out, and with them slips that are rounding, and whatever
+        wedges their blocks: the rest can often be opened where the whole cannot.
+        """
+        for share in shares if self._can_reduce else ():
+            if (reduced := glued(self.assemblage, u, share)) is None:
+                continue
+            bodies, rates, contacts = reduced
+            if (certifier := self._of_part(bodies, contacts)) is not None:
+                force, rate = self._largest_force(x, contacts), certifier._largest_rate(rates)
+                upper = _better(upper, certifier._upper(rates, force, rate), -1.0)
+        return upper
 
     def _of_part(self, part: Assemblage, contacts: IntArray | None = None) -> Certifier | None:
         """Returns a certifier of a part of the assemblage, with these ``contacts`` (k,) of it; None
@@ -348,30 +374,6 @@ class Certifier:
             return 0.0
         sizes = block_sizes(self.strength.forces(x), self.size)
         return float((sizes if contacts is None else sizes[contacts]).max(initial=0.0))
-
-    def _better_as_glued(self, upper: _Bound, u: FloatArray, x: FloatArray | None) -> _Bound:
-        """Returns the best of an upper bound and those with blocks glued."""
-        for share in _TOLERANCES.stuck:
-            upper = _better(upper, self._upper_as_glued(u, x, share), -1.0)
-        return upper
-
-    def _upper_as_glued(self, u: FloatArray, x: FloatArray | None, share: float) -> _Bound:
-        """Returns the upper bound of the mechanism with blocks glued that it moves apart by less
-        than a ``share`` of its largest rate.
-
-        A mechanism of blocks glued together is one of the blocks themselves, so its bound holds
-        for them. The contacts inside drop out, and with them slips that are rounding, and whatever
-        wedges their blocks: the rest can often be opened where the whole cannot.
-        """
-        reduced = glued(self.assemblage, u, share) if self._can_reduce else None
-        if reduced is None:
-            return _NO_UPPER
-        bodies, rates, contacts = reduced
-        certifier = self._of_part(bodies, contacts)
-        if certifier is None:
-            return _NO_UPPER
-        force = self._largest_force(x, contacts)
-        return certifier._upper(rates, force, certifier._largest_rate(rates))
 
     def _upper(self, u: FloatArray, largest_force: float, largest_rate: float) -> _Bound:
         """Returns the upper bound of a mechanism u. ``largest_force`` is that of the forces at

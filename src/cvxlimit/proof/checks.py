@@ -45,9 +45,14 @@ class Check:
         return f"{self.claim}: {self.kind if self.is_met else 'NOT proved'}{found}"
 
 
-def follows(claim: str, is_met: bool, found: str = "") -> Check:
-    """A claim that follows from others, or does not."""
-    return Check(claim, is_met, found, "derived")
+def proved(claim: str, is_met: bool, but: str, by: str = "") -> Check:
+    """A claim that is proved ``by`` something, or is not: ``but`` says what was found instead."""
+    return Check(claim, is_met, by if is_met else but)
+
+
+def follows(claim: str, is_met: bool, but: str, by: str = "") -> Check:
+    """A claim that follows from the scene and from what is proved, or does not, as above."""
+    return Check(claim, is_met, by if is_met else but, "derived")
 
 
 def unseen(claim: str, why: str = "") -> Check:

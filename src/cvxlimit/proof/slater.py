@@ -5,9 +5,18 @@
 - An *opening field*: block rates (free blocks, 6) that open every contact by more than the flow
   rule asks for. A share of it added to a mechanism absorbs small violations of the flow rule.
 
-Both are found by alternating projections with one sparse factorisation, and are checked by whoever
-uses them. The projections work on the internal forces z (p,) of ``Balance.model``: compressions at
-the corners of contacts, shear and torsion.
+Both lie in a linear set and inside a convex one, and are found by projections onto these in turn:
+
+- a dead state among the internal forces z (p,) of ``Balance.model`` (compressions at the corners of
+  contacts, shear and torsion) that balance the dead load, B z + f_dead = 0, and those inside all
+  surfaces. One sparse factorisation of B W B' gives the first projection; the second moves each
+  contact towards compression alone, by no more than it needs (:meth:`Witnesses._pushed_inside`);
+- an opening field among the rates B'u that block rates u make, by least squares with the same
+  factorisation, and those that open every contact (:meth:`Witnesses._opened`).
+
+Steps overshoot, and those for a dead state are accelerated. What projections do not find a solver
+may, and a file may hold: such states are given from outside. Who uses a state checks it; nothing of
+a proof rests on how it was found.
 """
 
 from __future__ import annotations

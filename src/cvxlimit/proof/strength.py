@@ -1,4 +1,19 @@
-"""The admissible forces of all contacts together, and their flow rule, as proofs need them.
+"""What all contacts together can bear: their admissible forces, and the flow rule that is dual.
+
+*Admissible forces.* Every condition of a yield surface reads norm(G x) <= h . x + c for the forces
+x of a contact. Its yield function y(x) = norm(G x) - h . x - c, a force, is at most 0 where x is
+admissible (:meth:`Strength.excess`). Proofs need to know one thing of it, that it is convex: a
+mixture (1 - t) x + t x' exceeds no condition by more than (1 - t) y(x) + t y(x').
+
+*Flow rule.* Admissible forces do no less than -D(v) of work on the relative rates v of a contact,
+where D(v) is the most that they can take up. It is finite where v opens the contact enough for its
+slip, by friction times that for Coulomb's; what is missing of that opening, what it dissipates and
+what slips are resisted by nothing is the :class:`~cvxlimit.model.flow.Shortfall` of ``flow``.
+
+*Equilibrium.* States are put into equilibrium by the least change of compressions at corners, shear
+and torsion (:meth:`Strength.balanced`). Forces that nothing resists, as the shear of a contact
+without friction, must be zero: they are held there, and a state without them counts as strictly
+inside by :data:`NOTHING`, since no other one is nearer to the inside.
 
 Contact forces are arrays (n, 6) in the columns V1 V2 N M1 M2 MT of ``COMPONENTS``, N > 0 in
 compression; relative rates (n, 6) are conjugate to them column by column.
@@ -36,8 +51,8 @@ from cvxlimit.surfaces.cones import Cone
 from cvxlimit.surfaces.coulomb import Rocking, strength_key, with_bounds
 
 NOTHING = 1e-300
-"""Reserve of a condition that has no resistance, in a state without the forces that it limits: next
-to nothing, but inside."""
+"""Reserve of a condition that has no resistance, in a state without the forces that it limits: the
+least number but one of rounding, so that it is inside and lends nothing to a mixture."""
 
 
 class Flow(Protocol):
@@ -93,64 +108,7 @@ class Strength:
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
         self._idle = np.array([], dtype=int)
 
-    def without(self, contacts: IntArray) -> Strength:
-        """Returns this strength, whose states are balanced without the forces of some contacts
-        (k,): a part of what it admits."""
-        result = copy(self)
-        result._idle = contacts
-        for name in ("_unresisted", "balance"):
-            vars(result).pop(name, None)
-        return result
-
-    @classmethod
-    def shared(
-        cls, assemblage: Assemblage, surfaces: Sequence[YieldSurface], formulation: Formulation
-    ) -> Strength:
-        """Returns the strength that the constructor makes; what follows from contacts and surfaces
-        alone is that of the last scene of this geometry, if its strengths were the same."""
-        contacts = assemblage.contacts
-        about = strength_key(surfaces, contacts) if formulation is corner_compressions else None
-        last = assemblage.strengths.get(about)
-        if last is None or not contacts.is_in_place_of(last.contacts):
-            last = cls(assemblage, surfaces, formulation)
-            if about is None:
-                return last
-            # cached properties are computed here, so that copies have them
-            _ = last.rows, last.rate_sizes, last.is_cone, last._unresisted
-            assemblage.strengths.clear()
-            assemblage.strengths[about] = last
-        result = copy(last)
-        result.assemblage = assemblage
-        return result
-
-    @cached_property
-    def balance(self) -> Balance:
-        """The equilibrium of states, with internal forces held at zero that nothing resists."""
-        balance = self.assemblage.balance
-        if self.is_internal:
-            balance = Balance(self.assemblage.statics, self.model)
-        unresisted = self._unresisted[1].ravel()
-        if not unresisted.any():
-            return balance
-        gives = abs(balance.model.resultant_map).T
-        held = (gives @ unresisted > 0.0) & (gives @ ~unresisted == 0.0)
-        return replace(balance, held=held) if held.any() else balance
-
-    @cached_property
-    def _unresisted(self) -> tuple[list[BoolArray], BoolArray]:
-        """The rows whose resistance is zero, condition by condition, and the contact forces (n, 6)
-        that must therefore be zero, as shear of a contact without friction."""
-        rows_without = [condition.unresisted(self.model.count) for condition, _ in self.conditions]
-        unresisted = np.zeros((self.model.count, len(COMPONENTS)), dtype=bool)
-        for (condition, _), is_zero in zip(self.conditions, rows_without, strict=True):
-            at = np.arange(self.model.count) if condition.contact is None else condition.contact
-            names = [name for norm in condition.norms for row in norm.rows for name in row]
-            for name in COLUMN.keys() & names:
-                unresisted[at[is_zero], COLUMN[name]] = True
-        unresisted[self._points, :] = True
-        unresisted[:, COLUMN["N"]] = False
-        unresisted[self._idle, :] = True
-        return rows_without, unresisted
+    # Admissible forces
 
     @cached_property
     def conditions(self) -> list[tuple[Condition, Cone]]:
@@ -209,6 +167,37 @@ class Strength:
             rows.append(self.crushing.rows)
         return [self.model.contact[self._pressed], *rows] if len(self._pressed) else rows
 
+    @cached_property
+    def _unresisted(self) -> tuple[list[BoolArray], BoolArray]:
+        """The rows whose resistance is zero, condition by condition, and the contact forces (n, 6)
+        that must therefore be zero, as shear of a contact without friction."""
+        rows_without = [condition.unresisted(self.model.count) for condition, _ in self.conditions]
+        unresisted = np.zeros((self.model.count, len(COMPONENTS)), dtype=bool)
+        for (condition, _), is_zero in zip(self.conditions, rows_without, strict=True):
+            at = np.arange(self.model.count) if condition.contact is None else condition.contact
+            names = [name for norm in condition.norms for row in norm.rows for name in row]
+            for name in COLUMN.keys() & names:
+                unresisted[at[is_zero], COLUMN[name]] = True
+        unresisted[self._points, :] = True
+        unresisted[:, COLUMN["N"]] = False
+        unresisted[self._idle, :] = True
+        return rows_without, unresisted
+
+    # Equilibrium
+
+    @cached_property
+    def balance(self) -> Balance:
+        """The equilibrium of states, with internal forces held at zero that nothing resists."""
+        balance = self.assemblage.balance
+        if self.is_internal:
+            balance = Balance(self.assemblage.statics, self.model)
+        unresisted = self._unresisted[1].ravel()
+        if not unresisted.any():
+            return balance
+        gives = abs(balance.model.resultant_map).T
+        held = (gives @ unresisted > 0.0) & (gives @ ~unresisted == 0.0)
+        return replace(balance, held=held) if held.any() else balance
+
     def balancing(self, state: FloatArray, load_factor: float, statics: Statics) -> float:
         """Returns the load factor near ``load_factor`` whose loads need the least change of a state
         to be balanced."""
@@ -240,6 +229,38 @@ class Strength:
         mu, contacts = self.contacts.friction, self.contacts
         reach = -contacts.corner_minimum(-np.abs(contacts.corner_xy).max(axis=1))
         return np.stack([mu, mu, np.ones(len(mu)), reach, reach, mu * reach], axis=1)
+
+    # The same strength of another scene, or of fewer contacts
+
+    def without(self, contacts: IntArray) -> Strength:
+        """Returns this strength, whose states are balanced without the forces of some contacts
+        (k,): a part of what it admits."""
+        result = copy(self)
+        result._idle = contacts
+        for name in ("_unresisted", "balance"):
+            vars(result).pop(name, None)
+        return result
+
+    @classmethod
+    def shared(
+        cls, assemblage: Assemblage, surfaces: Sequence[YieldSurface], formulation: Formulation
+    ) -> Strength:
+        """Returns the strength that the constructor makes; what follows from contacts and surfaces
+        alone is that of the last scene of this geometry, if its strengths were the same."""
+        contacts = assemblage.contacts
+        about = strength_key(surfaces, contacts) if formulation is corner_compressions else None
+        last = assemblage.strengths.get(about)
+        if last is None or not contacts.is_in_place_of(last.contacts):
+            last = cls(assemblage, surfaces, formulation)
+            if about is None:
+                return last
+            # cached properties are computed here, so that copies have them
+            _ = last.rows, last.rate_sizes, last.is_cone, last._unresisted
+            assemblage.strengths.clear()
+            assemblage.strengths[about] = last
+        result = copy(last)
+        result.assemblage = assemblage
+        return result
 
 
 def finite(value: object, shape: tuple[int, ...], what: str) -> FloatArray | None:

@@ -1,4 +1,9 @@
-"""One verb for results, load domains, paths and sweeps: do they hold the proof of what they say?"""
+"""One verb for results, load domains, paths and sweeps: do they hold the proof of what they say?
+
+What is proved goes one way: a format's prover, found at the door ``cvxlimit.proofs``, lists the
+claims of what it is given as :class:`~cvxlimit.proof.checks.Check`, each held against what was made
+anew of the forces, mechanisms and displacements beside it. A :class:`Proof` is that list.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +16,18 @@ from typing import Any, get_args
 from cvxlimit.base.doors import Door
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import file_prefix, read_document, refusals, shown
-from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest
 from cvxlimit.masonry import BUILTIN, builtin_scene
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.proof.checks import Check, Kind
-from cvxlimit.proving.solutions import solution_checks
 from cvxlimit.readings.moments import Moments
 from cvxlimit.scene import Scene, check_scene
-from cvxlimit.solution import Solution
 
 Scenes = Scene | Callable[..., Scene]
+
+Prover = Callable[[Any, Scenes | None, Mapping[str, Any]], "Proof"]
+"""Proves what is held, or what its file holds, of a scene and of surfaces and moments of one's own:
+what stands at the door ``cvxlimit.proofs``, by format."""
 
 BOTH_CASES = {"dead", "live"}
 
@@ -126,39 +132,26 @@ def prove(
     False
     """
     own = {"surface": surface, "moments": moments, "formulation": formulation}
-    if isinstance(what, Solution):
-        return _result(what, scene, own)
     if not isinstance(what, str | os.PathLike):
-        return _proved(getattr(what, "format", None), what, scene, own)
+        return _prover_of(getattr(what, "format", None))(what, scene, own)
     if os.path.isdir(what):
-        return _proved("cvxlimit-sweep", Path(what), scene, own)
+        return _prover_of("cvxlimit-sweep")(Path(what), scene, own)
     with refusals(file_prefix(what)):
         document = read_document(what)
         kind = document.get("format") if isinstance(document, dict) else None
-        if kind == "cvxlimit-result":
-            return _result(result_from_dict(document), scene, own)
-        return _proved(kind, document, scene, own)
+        return _prover_of(kind)(document, scene, own)
 
 
-def _proved(kind: Any, what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
-    """What an extension, or another distribution, proves of a format."""
-    found = Door("cvxlimit.proofs").get(kind) if isinstance(kind, str) else None
+def _prover_of(kind: Any) -> Prover:
+    """What the core, an extension or another distribution proves a format by."""
+    found: Prover | None = Door("cvxlimit.proofs").get(kind) if isinstance(kind, str) else None
     if found is None:
         raise InputError(
             "a result, a load domain, a path or the folder of a sweep can be proved, got format "
             f"{shown(kind)}: solve --json, domain --json, pushover --json and sweep --output write "
             "them"
         )
-    proof: Proof = found(what, scene, own)
-    return proof
-
-
-def _result(solution: Solution, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
-    if scene is None and solution.solved_scene is not None:
-        scene = solution.solved_scene
-    given = scene_of(solution.scene_name, solution.scene_digest, scene, BOTH_CASES)
-    checks = solution_checks(solution, given, **own)
-    return Proof(f"result of scene {solution.scene_name!r}", tuple(checks))
+    return found
 
 
 def scene_of(name: str, digest: str, scene: Scenes | None, cases: set[str]) -> Scene:

@@ -1,16 +1,24 @@
-"""A solution proved again, from the forces and the mechanism that it holds and nothing else.
+"""A solution proved again, from the forces x and the mechanism u that it holds and nothing else.
 
-Every number of a solution that anybody may rest on is computed anew for the scene: the load factor
-from what the forces carry, the lower bound from the forces, the upper bound from the mechanism. A
-number that comes out otherwise is not proved, whoever changed it. States that bounds refer to are
-held as well where projections do not find them, and are believed as little.
+By weak duality each of them bounds the load factor alpha without the other. In this order:
+
+1. *Load factor*: x carries it, A x + f_dead + alpha f_live = 0 (:meth:`ProvedAgain.held_checks`).
+2. *Lower bound*: x is admissible. *Upper bound*: the flow rule allows u, and what contacts take up
+   in it is all that they can. One certificate recomputes both (:mod:`cvxlimit.proof.certificate`).
+   It mixes x and u with a little of two reference states, which the solution holds where they are
+   not found again by projections; they are checked as x and u are, so that false ones cannot help.
+3. *What follows* from these: the solution is packed anew, and what it says besides is held against
+   that (:mod:`cvxlimit.proving.derived`).
+
+A number that comes out otherwise is not proved, whoever changed it. Where no load factor exists, x
+shows that any multiple of the live load is carried, or u that the dead load falls. Methods with
+bounds of their own add how these are proved, under ``cvxlimit.checks``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from copy import copy
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -20,17 +28,19 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.doors import Door
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
+from cvxlimit.io.results import result_from_dict
 from cvxlimit.methods.answer import Answer
-from cvxlimit.methods.driver import Run
+from cvxlimit.methods.convex import Convex
+from cvxlimit.methods.driver import Run, packed
 from cvxlimit.methods.wedging import without_limit
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.point_friction import ExactFlow
-from cvxlimit.model.statics import Statics
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.proof.checks import RESIDUAL, SLACK, Check
+from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, is_alike, proved
 from cvxlimit.proof.strength import Strength
 from cvxlimit.proving.derived import bound_checks, derived_checks
+from cvxlimit.proving.prove import BOTH_CASES, Proof, Scenes, scene_of
 from cvxlimit.readings.moments import Moments
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
@@ -39,6 +49,16 @@ from cvxlimit.solution.bracket import TOLERANCE, Bracket, Reference
 from cvxlimit.solvers import LimitState, Outcome
 from cvxlimit.surfaces import Rocking, YieldSurface
 from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_named, surfaces_of
+
+
+def prove_result(what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
+    """A solution, or what a file of one holds; see :func:`cvxlimit.prove`."""
+    solution = what if isinstance(what, Solution) else result_from_dict(what)
+    given = scene_of(
+        solution.scene_name, solution.scene_digest, scene or solution.solved_scene, BOTH_CASES
+    )
+    checks = solution_checks(solution, given, **own)
+    return Proof(f"result of scene {solution.scene_name!r}", tuple(checks))
 
 
 def solution_checks(
@@ -57,8 +77,7 @@ def solution_checks(
     InputError
         If the solution does not belong to the scene, or surfaces or moments are not known.
     """
-    held = solution.of(scene)
-    names = scene.contacts.names
+    held, names = solution.of(scene), scene.contacts.names
     if solution.contact_names and tuple(solution.contact_names) != tuple(names):
         wrong = next(a for a, b in zip(solution.contact_names, names, strict=True) if a != b)
         raise InputError(
@@ -67,12 +86,9 @@ def solution_checks(
         )
     if solution.quantity != LOAD_FACTOR:
         return [Check(solution.quantity, False, "only load factors can be proved again")]
-    again = ProvedAgain(held, _surfaces(solution, surface), moments, formulation)
-    checks = [*again.checks()]
-    answer = Answer(again.carried, forces=solution.forces, mechanism=again.mechanism)
-    if again.certifier.strength.is_internal:
-        answer = replace(answer, internal=solution.internal)
-    return [*checks, *derived_checks(solution, again.run, answer)]
+    run = Run(held.scene, _surfaces(solution, surface), formulation=formulation)
+    again = ProvedAgain(held, run, moments)
+    return [*again.checks(), *derived_checks(solution, again.made())]
 
 
 def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
@@ -106,19 +122,21 @@ def as_solved(solution: Solution, run: Run) -> tuple[FloatArray | None, FloatArr
     return forces, np.array([rates[key] for key in ids]) if rates and is_whole else None
 
 
+@dataclass(eq=False)
 class ProvedAgain:
-    """A solution, and the run that it would be of, without any solve for its answer."""
+    """A solution, and the run that it would be of, without any solve for its answer.
 
-    def __init__(
-        self,
-        solution: Solution,
-        surfaces: Sequence[YieldSurface],
-        moments: str | Moments | None,
-        formulation: Formulation,
-    ) -> None:
-        self.run = Run(solution.scene, surfaces, formulation=formulation)
-        self.moments = moments
-        self._take(solution)
+    ``forces`` (n, 6) and ``mechanism`` (free blocks, 6) are those held, of the scene as it is
+    solved; None where the solution has none.
+    """
+
+    solution: Solution
+    run: Run
+    moments: str | Moments | None = None
+
+    def __post_init__(self) -> None:
+        self.forces, self.mechanism = as_solved(self.solution, self.run)
+        self.is_finite = self.forces is not None and bool(np.isfinite(self.forces).all())
 
     @cached_property
     def certifier(self) -> Certifier:
@@ -128,33 +146,17 @@ class ProvedAgain:
         width = self.solution.tolerance or TOLERANCE
         return Certifier(whole, surfaces, run.formulation, width=width)
 
-    def _take(self, solution: Solution) -> None:
-        self.solution = solution
-        self.forces, self.mechanism = as_solved(solution, self.run)
-        for name in ("carried", "certifier"):  # of another end
-            self.__dict__.pop(name, None)
-
-    def _turned(self, end: LowerEnd) -> ProvedAgain:
-        """The lower end of an interval as a largest load factor, of the live load turned round."""
-        again, statics = copy(self), self.run.assemblage.statics
-        again.run = self.run.auxiliary_run(self.run.assemblage.under(statics.dead, -statics.live))
-        held = end.bracket
-        proofs = held.upper_is_proved, held.lower_is_proved
-        again._take(
-            replace(
-                self.solution,
-                load_factor=-end.load_factor,
-                forces=end.forces,
-                internal=None,
-                bracket=Bracket(-held.upper, -held.lower, *proofs, held.least),
-                mechanism=end.mechanism,
-                reference=None if end.reference is None else end.reference.turned,
-            )
+    def made(self) -> Solution:
+        """The solution that the forces and the mechanism held make at its load factor."""
+        held, aside = self.solution, self.run.auxiliary_run()
+        internal = held.internal if self.certifier.strength.is_internal else None
+        aside.best = Answer(
+            held.load_factor, held.bracket, self.forces, self.mechanism, internal=internal
         )
-        return again
+        return packed(Convex(), aside, Status.CERTIFIED)
 
     def checks(self) -> Iterator[Check]:
-        """All claims, by what kind of answer it is."""
+        """All claims that forces and mechanisms prove, by what kind of answer it is."""
         solution = self.solution
         is_associated = solution.flow == "associated"
         name = solution.interaction if is_associated else solution.flow
@@ -193,6 +195,22 @@ class ProvedAgain:
             for check in self._turned(end)._certified():
                 yield replace(check, claim=f"lower end, live load turned round: {check.claim}")
 
+    def _turned(self, end: LowerEnd) -> ProvedAgain:
+        """The lower end of an interval as a largest load factor, of the live load turned round."""
+        statics, held = self.run.assemblage.statics, end.bracket
+        proofs = held.upper_is_proved, held.lower_is_proved
+        turned = replace(
+            self.solution,
+            load_factor=-end.load_factor,
+            forces=end.forces,
+            internal=None,
+            bracket=Bracket(-held.upper, -held.lower, *proofs, held.least),
+            mechanism=end.mechanism,
+            reference=None if end.reference is None else end.reference.turned,
+        )
+        live = self.run.assemblage.under(statics.dead, -statics.live)
+        return ProvedAgain(turned, self.run.auxiliary_run(live))
+
     def _certified(self) -> Iterator[Check]:
         """The load factor and both bounds, by one certificate. A bound depends a little on the
         states that it refers to, and on the load factor for which forces are put into balance, by
@@ -201,7 +219,11 @@ class ProvedAgain:
         yield from self.held_checks()
         held, lacks = self.solution, "; the file does not hold what its bounds refer to"
         given = held.reference or Reference(held.load_factor)
-        if not self._refers_to(given):
+        try:
+            is_taken = self.certifier.refer_to(given, held.lower_end is not None)
+        except ModelError:  # of another shape
+            is_taken = False
+        if not is_taken:
             yield Check("states that bounds refer to", False, "they are none of this scene")
             return
         state = self.state_of(given.load_factor, self._internal())
@@ -209,21 +231,8 @@ class ProvedAgain:
             is_old = held.reference is None and not check.is_met
             yield replace(check, found=check.found + lacks) if is_old else check
 
-    def _refers_to(self, given: Reference) -> bool:
-        """Whether reference states are some of this scene, which are taken then. What forces leave
-        unbalanced must be little of the loads, and not only of themselves: where blocks wedge each
-        other, they may be as large as one likes."""
-        certifier, witnesses = self.certifier, self.certifier.witnesses
-        try:
-            is_taken = certifier.refer_to(given, self.solution.lower_end is not None)
-        except ModelError:  # of another shape
-            return False
-        if given.forces is None or not is_taken or (state := witnesses.dead_state) is None:
-            return is_taken
-        left = self._left(certifier.statics, certifier.strength.forces(state), witnesses.factor)
-        return left <= SLACK * self.run.scaling.force
-
     def state_of(self, factor: float | None, internal: FloatArray | None) -> LimitState:
+        """What is held as if a solver had given it."""
         given = Outcome("given", 0.0, 0.0)
         return LimitState(given, factor, self.forces, self.mechanism, internal)
 
@@ -250,6 +259,7 @@ class ProvedAgain:
         return Check(claim, upper < enough, "by the mechanism")
 
     def _harmless(self) -> Check:
+        """Forces that carry the live load alone, and any multiple of themselves, as they stand."""
         claim, live = "the live load does no harm", self.run.assemblage.statics.live
         if self.forces is None:
             return Check(claim, False, "there are no forces that show it")
@@ -261,65 +271,60 @@ class ProvedAgain:
                          "pressures on them that show it")  # fmt: skip
         is_carried = self.carries_live(self.forces)
         is_carried &= carried_exactly(loaded, strength_of, self.forces) is not None
-        return Check(claim, is_carried, "forces carry it alone" if is_carried else
-                     "the forces do not carry it alone")  # fmt: skip
+        return proved(claim, is_carried, "the forces do not carry it alone",
+                      "forces carry it alone")  # fmt: skip
 
     def carries_live(self, forces: FloatArray) -> bool:
         """True if forces as they stand are in equilibrium with the live load alone."""
-        statics, scaling = self.run.assemblage.statics, self.run.scaling
-        left = self._left(statics.under(statics.live, statics.live), forces, 0.0)
-        return left <= RESIDUAL * scaling.force / scaling.ratio
+        live, scaling = self.run.assemblage.statics.live, self.run.scaling
+        return self._left(live, forces) <= RESIDUAL * scaling.force / scaling.ratio
 
-    def _left(self, statics: Statics, forces: FloatArray, factor: float) -> float:
-        """The largest force out of balance, and moment over the scene's length."""
-        left = np.abs(statics.residual(forces, factor))
+    def _left(self, load: FloatArray, forces: FloatArray) -> float:
+        """The largest force out of balance under a load, and moment over the scene's length."""
+        statics = self.run.assemblage.statics
+        left = np.abs(statics.under(load, load).residual(forces, 0.0))
         left[:, 3:] /= self.run.scaling.length
         return float(left.max())
 
     # What all have
 
     @property
+    def unit(self) -> float:
+        """What load factors near zero are compared by."""
+        return self.run.scaling.unit(self.solution.load_factor or 0.0)
+
+    @property
     def near(self) -> float:
         """What counts as the same load factor."""
-        factor = self.solution.load_factor
-        scale = self.run.scaling.unit(factor or 0.0)
-        return SLACK * max(scale, abs(factor or 0.0))
-
-    @cached_property
-    def carried(self) -> float | None:
-        """The load factor that the forces carry, as nearly as they carry any."""
-        if self.forces is None or not np.isfinite(self.forces).all():
-            return None
-        statics = self.run.assemblage.statics
-        rest = statics.residual(self.forces, 0.0).ravel()
-        return -float(rest @ statics.live) / float(statics.live @ statics.live)
+        return SLACK * max(self.unit, abs(self.solution.load_factor or 0.0))
 
     def held_checks(self) -> Iterator[Check]:
         """That forces carry what they are said to, and that the mechanism is of live power 1."""
-        solution, statics = self.solution, self.run.assemblage.statics
-        factor, forces = solution.load_factor, self.forces
-        if factor is not None:
-            claim = f"load factor {factor:.9g}"
-            if forces is None or not np.isfinite(forces).all():
-                yield Check(claim, False, "there are no forces that carry it")
-            else:
-                carried, left = self.carried or 0.0, self._left(statics, forces, factor)
-                total = self.run.scaling.force * (1.0 + abs(factor) / self.run.scaling.ratio)
-                is_met = left <= RESIDUAL * total
-                said = "" if is_met else f"residual {left / total:.1e} of the total load"
-                if abs(carried - factor) > max(self.near, 10.0 * RESIDUAL * abs(factor)):
-                    is_met, said = False, f"the forces carry {carried:.9g}"
-                yield Check(claim, is_met, said or "the forces carry it")
-                if solution.bracket.clipped(factor) != factor:
-                    yield Check(claim, False, f"it is outside of its bracket {solution.bracket}")
-        least, own = solution.bracket.least, self.run.scaling.least
-        if not (least == 0.0 or abs(least - own) <= SLACK * own):
-            yield Check(f"least size {least:.7g} of the bracket", False, f"it is {own:.7g}")
+        solution, statics, scaling = self.solution, self.run.assemblage.statics, self.run.scaling
+        bracket, factor, live = solution.bracket, solution.load_factor, statics.live
+        claim = f"load factor {factor or 0.0:.9g}"
+        if factor is not None and (self.forces is None or not self.is_finite):
+            yield Check(claim, False, "there are no forces that carry it")
+        elif factor is not None and self.forces is not None:
+            # the load factor that they carry most nearly, and what they leave of the one claimed
+            rest = statics.residual(self.forces, 0.0).ravel()
+            carried = -float(rest @ live) / float(live @ live)
+            left = self._left(statics.dead + factor * live, self.forces)
+            left /= scaling.force * (1.0 + abs(factor) / scaling.ratio)
+            is_other = abs(carried - factor) > max(self.near, 10.0 * RESIDUAL * abs(factor))
+            but = f"residual {left:.1e} of the total load"
+            but = f"the forces carry {carried:.9g}" if is_other else but
+            yield proved(claim, not is_other and left <= RESIDUAL, but, "the forces carry it")
+            if bracket.clipped(factor) != factor:
+                yield Check(claim, False, f"it is outside of its bracket {bracket}")
+        if bracket.least and not is_alike(bracket.least, own := scaling.least):
+            claim = f"least size {bracket.least:.7g} of the bracket"
+            yield Check(claim, False, f"it is {own:.7g}")
         if self.mechanism is not None and solution.status.has_answer:
-            power = float(statics.live @ self.mechanism.ravel())
+            power = float(live @ self.mechanism.ravel())
             if abs(power - 1.0) > 10.0 * RESIDUAL:
                 yield Check("mechanism", False, f"its live power is {power:.7g} in place of 1")
 
     def ends(self, found: Bracket) -> Iterator[Check]:
         """Compares both bounds with those found."""
-        return bound_checks(self.solution, self.run.scaling, found)
+        return bound_checks(self.solution, found, self.unit)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -181,14 +182,55 @@ def followed(shapes: Shapes, blocks: Sequence[Block], table: FacetTable) -> Iter
             yield from _both(shapes, j, sides)
 
 
+class _Edge(NamedTuple):
+    """An edge of a facet that passes through a point of a contact.
+
+    ``normal`` (2,) is in the contact's plane, ``side`` 0 for block a and 1 for b, ``ends`` are the
+    vertices, and ``part`` is where between them the point lies, from 0 to 1.
+    """
+
+    normal: FloatArray
+    side: int
+    ends: tuple[int, int]
+    part: float
+
+
 def _both(shapes: Shapes, j: int, sides: Sequence[tuple[int, _Facet]]) -> Iterator[Follows]:
     """The derivatives of contact j by the vertices of both ``sides``: a block, and its facet."""
-    c, rows = shapes.contacts, slice(shapes.start[j], shapes.start[j + 1])
-    points, near = shapes.points[rows], RELATIVE_TOLERANCE * float(np.sqrt(c.area[j]))
-    # 1. For each point all edges through it: inward normal, side (0 is a, 1 is b), both end
-    # vertices, and where on the edge the point lies, from 0 to 1.
-    lines: list[list[tuple[FloatArray, int, int, int, float]]] = [[] for _ in points]
-    for side, (_, facet) in enumerate(sides):
+    contacts, through = shapes.contacts, _edges_through(shapes, j, [facet for _, facet in sides])
+    vertex = [np.unique([i for loop in facet.loops for i in loop]) for _, facet in sides]
+    found = [np.zeros((len(through), len(v), 2, 2)) for v in vertex]
+    shares = [np.zeros(len(v), dtype=bool) for v in vertex]
+    ways = _neighbours(shapes, j)
+    for p, edges in enumerate(through):
+        lines = _lines(edges, ways.get(p))
+        if not lines:
+            continue
+        # The point stays on both lines: its displacement d solves normal_i @ d = shift_i, where the
+        # shift of a line is shared among its edges, and between the ends of each edge.
+        moves = np.linalg.pinv(np.array([line[0].normal for line in lines]))
+        for column, line in zip(moves.T, lines, strict=True):
+            by_shift = np.outer(column, line[0].normal)
+            of = [edge.side for edge in line]
+            for edge in line:
+                share = 1.0 / len({*of}) / of.count(edge.side)
+                for end, weight in zip(edge.ends, (1.0 - edge.part, edge.part), strict=True):
+                    at = int(np.searchsorted(vertex[edge.side], end))
+                    found[edge.side][p, at] += share * weight * by_shift
+                    shares[edge.side][at] |= len({*of}) == 2 and weight > RELATIVE_TOLERANCE
+    for side, (block, facet) in enumerate(sides):
+        height, tilt = facet.plane(vertex[side], contacts.origin[j])
+        # each plane is one of two; that b's normal and its changes point the other way cancels
+        half = 0.5 * height, 0.5 * tilt
+        yield Follows(j, block, vertex[side], found[side], *half, shares[side])
+
+
+def _edges_through(shapes: Shapes, j: int, facets: Sequence[_Facet]) -> list[list[_Edge]]:
+    """For each point of contact j the edges of both facets that pass through it."""
+    c, points = shapes.contacts, shapes.points[shapes.start[j] : shapes.start[j + 1]]
+    near = RELATIVE_TOLERANCE * float(np.sqrt(c.area[j]))
+    found: list[list[_Edge]] = [[] for _ in points]
+    for side, facet in enumerate(facets):
         flat = (facet.points - c.origin[j]) @ c.axes[j, :2].T
         for i, k in facet.edges.tolist():
             along = flat[k] - flat[i]
@@ -200,47 +242,26 @@ def _both(shapes: Shapes, j: int, sides: Sequence[tuple[int, _Facet]]) -> Iterat
             on = np.abs((points - flat[i]) @ normal) <= near
             on &= (part >= -near / length) & (part <= 1.0 + near / length)
             for p in np.flatnonzero(on).tolist():
-                lines[p].append((normal, side, i, k, float(part[p])))
-    vertex = [np.unique([i for loop in facet.loops for i in loop]) for _, facet in sides]
-    found = [np.zeros((len(points), len(v), 2, 2)) for v in vertex]
-    shares = [np.zeros(len(v), dtype=bool) for v in vertex]
-    place = [{int(i): k for k, i in enumerate(v)} for v in vertex]
-    ends = _neighbours(shapes, j)
-    for p, through in enumerate(lines):
-        # 2. Parallel edges are one line; of more than two the point keeps those along the contact's
-        # own edges there.
-        groups: list[list[tuple[FloatArray, int, int, int, float]]] = []
-        for line in through:
-            for group in groups:
-                if abs(_sine(group[0][0], line[0])) < RELATIVE_TOLERANCE:
-                    group.append(line)
-                    break
-            else:
-                groups.append([line])
-        if len(groups) > 2 and p in ends:
-            groups = sorted(groups, key=lambda g: min(abs(g[0][0] @ way) for way in ends[p]))[:2]
-        if not groups:
-            continue
-        # 3. The point stays on both lines: its displacement d solves normal_i @ d = shift_i, where
-        # the shift of a line is shared among its edges, and between the ends of each edge.
-        moves = np.linalg.pinv(np.array([group[0][0] for group in groups]))
-        for column, group in zip(moves.T, groups, strict=True):
-            way, owners = group[0][0], {line[1] for line in group}
-            for _, side, i, k, part in group:
-                share = 1.0 / len(owners) / sum(line[1] == side for line in group)
-                for end, weight in ((i, 1.0 - part), (k, part)):
-                    at = place[side][end]
-                    found[side][p, at] += share * weight * np.outer(column, way)
-                    shares[side][at] |= len(owners) == 2 and weight > RELATIVE_TOLERANCE
-    for side, (block, facet) in enumerate(sides):
-        height, tilt = facet.plane(vertex[side], c.origin[j])
-        # each plane is one of two; that b's normal and its changes point the other way cancels
-        half = 0.5 * height, 0.5 * tilt
-        yield Follows(j, block, vertex[side], found[side], *half, shares[side])
+                found[p].append(_Edge(normal, side, (i, k), float(part[p])))
+    return found
 
 
-def _sine(one: FloatArray, other: FloatArray) -> float:
-    return float(one[0] * other[1] - one[1] * other[0])
+def _lines(edges: Sequence[_Edge], ways: Sequence[FloatArray] | None) -> list[list[_Edge]]:
+    """Edges through a point by the lines they lie on; of more than two lines those along ``ways``,
+    the contact's own edges there, if it has a corner there."""
+    lines: list[list[_Edge]] = []
+    for edge in edges:
+        x, y = edge.normal
+        for line in lines:
+            if abs(line[0].normal[0] * y - line[0].normal[1] * x) < RELATIVE_TOLERANCE:
+                line.append(edge)
+                break
+        else:
+            lines.append([edge])
+    if len(lines) > 2 and ways is not None:
+        lines.sort(key=lambda line: min(abs(line[0].normal @ way) for way in ways))
+        return lines[:2]
+    return lines
 
 
 def _neighbours(shapes: Shapes, j: int) -> dict[int, list[FloatArray]]:

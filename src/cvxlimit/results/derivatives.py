@@ -23,11 +23,10 @@ A                            equilibrium matrix: A x + dead + alpha live = 0
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -43,6 +42,7 @@ from cvxlimit.model.formulations import corner_compressions, model_of
 from cvxlimit.model.mortar import without_tension
 from cvxlimit.model.statics import Statics
 from cvxlimit.results.corners import Follows, Shapes, followed, volume_slopes
+from cvxlimit.results.movement import block_rates
 from cvxlimit.results.uniqueness import others
 from cvxlimit.results.utilisation import forces_of
 from cvxlimit.scene import Load
@@ -107,10 +107,7 @@ class Proof:
         self.scene, self.surfaces = solution.scene, surfaces
         scene, contacts = self.scene, self.scene.contacts
         # Rates of all blocks, zero for fixed ones, scaled to live power 1.
-        rates = np.zeros((len(scene.blocks), 6))
-        place = {block.id: i for i, block in enumerate(scene.blocks)}
-        for name, own in (solution.mechanism or {}).items():
-            rates[place[name]] = own
+        rates = block_rates(scene, solution)
         self.rates = rates / float((rates[scene.free] * scene.live_forces).sum())
         pressed, pull = without_tension(contacts)
         forces = np.array(forces_of(scene, solution))
@@ -149,6 +146,13 @@ class Proof:
         table = patches(blocks, Reach.of(blocks, self.scene.joint_tolerance))
         return list(followed(self.shapes, blocks, table))
 
+    def moving(self, contacts: Contacts) -> tuple[FloatArray, FloatArray]:
+        """Returns the velocities of b against a at the contacts' origins, and their relative
+        angular velocities, (n, 3) each."""
+        a, b, rates = contacts.a, contacts.b, self.rates
+        one, other = (velocity_of(self.scene, rates, contacts.origin, block) for block in (a, b))
+        return other - one, rates[b, 3:] - rates[a, 3:]
+
     def at(self, contacts: Contacts) -> FloatArray:
         """Returns -(A'u) . x - lam . y(x) of every contact (n,), with the properties and the
         geometry of ``contacts`` in place of the scene's."""
@@ -157,16 +161,8 @@ class Proof:
         forces = model.forces(self.internal)
         forces[:, COLUMN["N"]] -= pull
         # The first term: contact forces times relative rates at the contacts' origins.
-        one, other = (
-            velocity_of(self.scene, self.rates, contacts.origin, b)
-            for b in (contacts.a, contacts.b)
-        )
-        turning = self.rates[contacts.b, 3:] - self.rates[contacts.a, 3:]
-        moving = np.concatenate(
-            [np.einsum("nik,nk->ni", contacts.axes, part) for part in (other - one, turning)],
-            axis=1,
-        )
-        result = -(forces * moving).sum(axis=1)
+        parts = [np.einsum("nik,nk->ni", contacts.axes, part) for part in self.moving(contacts)]
+        result = -(forces * np.concatenate(parts, axis=1)).sum(axis=1)
         # The second: multipliers times the excess of each condition.
         strength = StrengthRows(self.surfaces, model)
         (excess,) = strength.excess(self.internal)
@@ -266,12 +262,9 @@ def by_joints(proof: Proof, start: IntArray) -> tuple[dict[str, FloatArray], Boo
         np.einsum("nik,ni->nk", contacts.axes, part)
         for part in (proof.forces[:, :3], proof.forces[:, 3:])
     )
-    one, other = (
-        velocity_of(proof.scene, proof.rates, contacts.origin, b) for b in (contacts.a, contacts.b)
-    )
-    turning = proof.rates[contacts.b, 3:] - proof.rates[contacts.a, 3:]
+    shifting, turning = proof.moving(contacts)
     by_shift = -np.cross(force, turning)
-    by_turn = -(np.cross(force, other - one) + np.cross(moment, turning))
+    by_turn = -(np.cross(force, shifting) + np.cross(moment, turning))
     # Outline points, height and inclination of contacts follow the vertices of the blocks.
     for f in proof.followed:
         axes = contacts.axes[f.contact]
@@ -329,52 +322,43 @@ def _by_shape(load: Load, block: Block, rates: FloatArray) -> FloatArray:
 
 
 def by_loads(proof: Proof, factor: float) -> list[ByLoad]:
-    """Returns the derivatives by every number that the dead and the live load are given by."""
+    """Returns the derivatives by every number that the dead and the live load are given by: less
+    the power of what a unit more of it adds to the load."""
     scene, found = proof.scene, list[ByLoad]()
-    place = {block.id: i for i, block in enumerate(scene.blocks)}
-    weights = np.array([block.weight for block in scene.blocks])[scene.free]
-    own = weights[:, None] * proof.rates[scene.free]
+    place = {block.id: [i] for i, block in enumerate(scene.blocks)}
     for case, load, by in (("dead", scene.dead, 1.0), ("live", scene.live, factor)):
-
-        def add(kind: str, block: str, names: str, values: Any, slopes: Any) -> None:
-            rows = zip(names.split(), np.ravel(values).tolist(), np.ravel(slopes), strict=True)
-            for name, value, slope in rows:
-                found.append(ByLoad(case, kind, block, name, value, -by * float(slope)))  # noqa: B023
-
-        # Loads on all blocks, then those on single blocks: forces, points, pressures, growing ones.
-        for kind in ("gravity", "acceleration"):
-            if (given := getattr(load, kind)) is not None:
-                add(kind, "", "x y z", given, weights @ proof.rates[scene.free, :3])
-        for block, multiple in load.weights.items():
-            i = place[block]
-            add("weights", block, "x y z", multiple, scene.blocks[i].weight * proof.rates[i, :3])
-        for block, force in load.forces.items():
-            add("forces", block, "fx fy fz mx my mz", force, proof.rates[place[block]])
-        for p in load.points:
-            one, at = np.array([place[p.block]]), np.array([p.at])
-            speed = velocity_of(scene, proof.rates, at, one)
-            add("points", p.block, "fx fy fz", p.force, speed)
-            turned = np.cross(np.array(p.force), proof.rates[one[0], 3:])
-            add("points", p.block, "x y z", p.at, turned)
-        for q in load.pressures:
-            none, at_one = (
-                replace(q, pressure=0.0, gradient=(0, 0, 0)),
-                (scene.blocks[place[q.block]],),
-            )
-            units = [replace(none, pressure=1.0)]
-            if q.at is not None:
-                units += [replace(none, gradient=tuple(axis)) for axis in np.eye(3).tolist()]
-            names = "pressure gradient.x gradient.y gradient.z" if q.at is not None else "pressure"
-            slopes = [
-                Load(pressures=[u]).on(at_one)[0] @ proof.rates[place[q.block]] for u in units
-            ]
-            add("pressures", q.block, names, [q.pressure, *q.gradient][: len(units)], slopes)
-        for g in load.growing:
-            one_g = [
-                Load(growing=[replace(g, acceleration=tuple(axis))]) for axis in np.eye(3).tolist()
-            ]
-            slopes = [
-                float((unit.per_weight(scene.blocks)[scene.free] * own).sum()) for unit in one_g
-            ]
-            add("growing", "", "x y z", g.acceleration, slopes)
+        for kind, block, names, values, units in _stated(load):
+            rows = place[block] if block else scene.free.tolist()
+            blocks, rates = [scene.blocks[i] for i in rows], proof.rates[rows]
+            for name, value, unit in zip(names, values, units, strict=True):
+                power = float((unit.on(blocks) * rates).sum())
+                found.append(ByLoad(case, kind, block, name, float(value), -by * power))
     return found
+
+
+def _stated(load: Load) -> Iterator[tuple[str, str, Sequence[str], Sequence[float], list[Load]]]:
+    """Yields what a load is given by: kind, block or "" for all, names and values of the numbers,
+    and the load that a unit more of each adds."""
+    axes = [tuple(axis) for axis in np.eye(3).tolist()]
+    for kind in ("gravity", "acceleration"):
+        if (given := getattr(load, kind)) is not None:
+            yield kind, "", "xyz", given, [Load(acceleration=axis) for axis in axes]
+    for block, times in load.weights.items():
+        yield "weights", block, "xyz", times, [Load(weights={block: axis}) for axis in axes]
+    for block, force in load.forces.items():
+        units = [Load(forces={block: tuple(unit)}) for unit in np.eye(6).tolist()]
+        yield "forces", block, ("fx", "fy", "fz", "mx", "my", "mz"), force, units
+    for p in load.points:
+        pushed = [Load(points=[replace(p, force=axis)]) for axis in axes]
+        turned = [Load(forces={p.block: (0, 0, 0, *np.cross(axis, p.force))}) for axis in axes]
+        yield "points", p.block, ("fx", "fy", "fz", *"xyz"), (*p.force, *p.at), [*pushed, *turned]
+    for q in load.pressures:
+        names = ("pressure", "gradient.x", "gradient.y", "gradient.z")[: 1 if q.at is None else 4]
+        units = [
+            Load(pressures=[replace(q, pressure=unit[0], gradient=tuple(unit[1:]))])
+            for unit in np.eye(4)[: len(names)].tolist()
+        ]
+        yield "pressures", q.block, names, (q.pressure, *q.gradient)[: len(names)], units
+    for g in load.growing:
+        units = [Load(growing=[replace(g, acceleration=axis)]) for axis in axes]
+        yield "growing", "", "xyz", g.acceleration, units

@@ -78,7 +78,7 @@ def motion(scene: Scene, solution: Solution) -> Motion:
     """
     check_scene(scene)
     of_type(solution, Solution, "solution must be a Solution", "solve(scene) makes one")
-    rates = _block_rates(scene, solution)
+    rates = block_rates(scene, solution)
     contacts = partial(contact_motion, scene.contacts, relative_rates(scene, rates))
     speeds = corner_speeds(scene, rates)
     largest = float(speeds.max())
@@ -143,7 +143,7 @@ def displaced(scene: Scene, moving: Motion, points: FloatArray, block: IntArray)
     return points + moving.scale * velocity_of(scene, moving.rates, points, block)
 
 
-def _block_rates(scene: Scene, solution: Solution) -> FloatArray:
+def block_rates(scene: Scene, solution: Solution) -> FloatArray:
     """Rates ux, uy, uz, rx, ry, rz (n_blocks, 6) of the mechanism, in the order of the scene."""
     rates = np.zeros((len(scene.blocks), 6))
     if solution.mechanism is None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray
-from cvxlimit.base.checks import meant
+from cvxlimit.base.checks import check_known
 from cvxlimit.base.doors import attached
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
@@ -184,12 +184,8 @@ class Sensitivity:
         [1.0, 0.0]
         """
         surfaces: Any = self.solution.surfaces or self.solution.surface
-        at = [
-            self.solution.load_factor
-            if way == 0
-            else solve(change(way * step), surfaces).load_factor
-            for way in (-1, 0, 1)
-        ]
+        below, above = (solve(change(way * step), surfaces) for way in (-1, 1))
+        at = [found.load_factor for found in (below, self.solution, above)]
         low, middle, high = (float("nan") if factor is None else factor for factor in at)
         return (middle - low) / step, (high - middle) / step
 
@@ -217,11 +213,7 @@ class Sensitivity:
         values = {name: getattr(scene.contacts, name) for name in JOINTS}
         values["weight"] = np.array([scene.blocks[i].weight for i in scene.free])
         values |= {"dead": scene.dead_forces, "live": scene.live_forces}
-        if of not in values:
-            raise InputError(
-                f"there is no elasticity of {of!r}: choose one of {', '.join(values)}"
-                + meant(of, values, before="; ")
-            )
+        check_known(of, values, "there is no elasticity of")
         if not factor:
             raise InputError("a load factor of 0 has no elasticity: take the derivatives")
         by = getattr(self, of)

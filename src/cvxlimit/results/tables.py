@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import meant
+from cvxlimit.base.checks import check_known
 from cvxlimit.base.extras import needed
-from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
 from cvxlimit.results.derivatives import JOINTS
 from cvxlimit.results.movement import motion
@@ -30,11 +29,7 @@ Columns = dict[str, tuple[Any, str, str]]
 
 def table_of(solution: Solution, what: str) -> DataFrame:
     """The table ``what`` of a solution: contacts, blocks or history."""
-    if what not in _TABLES:
-        raise InputError(
-            f"there is no table {what!r}: choose one of {', '.join(_TABLES)}"
-            + meant(what, _TABLES, before="; ")
-        )
+    check_known(what, _TABLES, "there is no table")
     pandas = needed("pandas", "frames", "tables")
     if what == "history":
         return _history(solution, pandas)
@@ -64,11 +59,7 @@ def table_from(
 def sensitivity_table(found: Sensitivity, what: str) -> DataFrame:
     """See :meth:`Sensitivity.to_dataframe`."""
     made = {"contacts": _by_contact, "blocks": _by_block, "vertices": _by_vertex, "loads": _by_load}
-    if what not in made:
-        raise InputError(
-            f"there is no table {what!r}: choose one of {', '.join(made)}"
-            + meant(what, made, before="; ")
-        )
+    check_known(what, made, "there is no table")
     pandas = needed("pandas", "frames", "tables")
     index, columns = made[what](found, found.solution.scene)
     name = {"vertices": "block"}.get(what, what.removesuffix("s"))

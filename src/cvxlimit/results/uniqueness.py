@@ -24,8 +24,9 @@ _ASIDE = 1e-4
 """Share of its size by which a vector is moved sideways to see whether a condition is flat
 there."""
 
-_BENT = 1e-2
-"""Change of a unit normal that means an edge: along a curved surface it is about :data:`_ASIDE`."""
+_BENT = float(np.sqrt(_ASIDE))
+"""Change of a unit normal that means an edge, between :data:`_ASIDE`, as along a curved surface,
+and 1."""
 
 _DENSE = 1500
 """Number of rows up to which all eigenvalues are computed, in a second at most."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import meant
+from cvxlimit.base.checks import check_known
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
@@ -125,13 +125,11 @@ def utilisations(solution: Solution, scene: Scene) -> dict[str, FloatArray]:
 def share_used(solution: Solution, scene: Scene, surface: str | None = None) -> FloatArray:
     forces_of(scene, solution)
     found = utilisations(solution, scene)
-    name = "utilisation" if surface is None else _column(surface)
-    if name not in found:
+    if surface is None:
+        return found["utilisation"]
+    if (name := _column(surface)) not in found:
         known = [key.removeprefix("utilisation_") for key in found if key != "utilisation"]
-        raise InputError(
-            f"there is no surface {surface!r}: choose one of {', '.join(known)}"
-            + meant(surface, known, before="; ")
-        )
+        check_known(surface, known, "there is no surface")
     return found[name]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +13,10 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector, meant
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, plane_axes, polygon_vectors, unit
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, fan, plane_axes, polygon_vectors, unit
 from cvxlimit.geometry.overlays import difference, intersections, without_holes
-from cvxlimit.scene.pressures import FACING
+from cvxlimit.scene.loads import PointForce
+from cvxlimit.scene.pressures import FACING, pressed
 from cvxlimit.scene.scene import Scene, check_scene
 
 LOOKS = np.cos(np.radians(80.0))
@@ -29,11 +30,24 @@ thickness: more than faces are warped or joints wide, less than a notch is deep.
 
 @dataclass(frozen=True)
 class Face:
-    """A part of a face of a block: outward normal, corners (k, 3), counter-clockwise about it."""
+    """A part of a face of a block with a ``number`` in its scene: outward normal, and corners
+    (k, 3), counter-clockwise about it."""
 
     block: Block
+    number: int
     normal: FloatArray
     corners: FloatArray
+
+    @property
+    def triangles(self) -> FloatArray:
+        """Triangles (t, 3, 3) that make it up."""
+        return fan(self.corners, [range(len(self.corners))])[0]
+
+    def below(self, level: float, up: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What lies below a level: points and area vectors (k, 3) as of :func:`.pressed`, and how
+        deep (k,) these points are."""
+        points, areas = pressed(self.triangles, level * up, -up)
+        return points, areas, level - points @ up
 
     def height(self, place: FloatArray, plan: FloatArray) -> float:
         """Height of the face's plane at a place (2,) in plan; ``plan`` (3, 3) has the axes of the
@@ -52,6 +66,23 @@ def upwards(scene: Scene) -> FloatArray:
 def written(vector: ArrayLike) -> str:
     """A vector as it is written in messages."""
     return str((np.round(np.asarray(vector, dtype=float), 6) + 0.0).tolist())
+
+
+def horizontal(direction: ArrayLike, up: FloatArray) -> FloatArray:
+    """The level part of a direction as a unit vector; raises InputError if there is none."""
+    vector = finite_vector(direction, 3, "direction")
+    level = vector - (vector @ up) * up
+    if not np.linalg.norm(level) > 1e-6 * np.linalg.norm(vector):
+        raise InputError(f"direction must be horizontal, got {vector.tolist()}")
+    return unit(level)
+
+
+def down(block: str, points: FloatArray, sizes: FloatArray, up: FloatArray) -> list[PointForce]:
+    """The one force that downward forces of some ``sizes`` (k,) at ``points`` (k, 3) amount to."""
+    whole = float(sizes.sum())
+    if not whole > 0.0:
+        return []
+    return [PointForce(block, (sizes @ points / whole).tolist(), (-whole * up + 0.0).tolist())]
 
 
 def chosen(scene: Scene, blocks: Collection[str] | None) -> list[str]:
@@ -78,21 +109,17 @@ def looking(scene: Scene, direction: ArrayLike, blocks: Collection[str] | None) 
     towards = finite_vector(direction, 3, "direction")
     if not np.any(towards):
         raise InputError("direction must not be zero")
-    towards, only = unit(towards), set(chosen(scene, blocks))
-    there, result = 0, list[Face]()
-    for i in scene.free.tolist():
-        if scene.blocks[i].id in only:
-            faces = list(faces_of(scene.blocks[i], towards, LOOKS))
-            there += len(faces)
-            result += [part for face in faces for part in bare(scene, i, face)]
+    towards, only = unit(towards), chosen(scene, blocks)
+    faces = list(free_faces(scene, towards, LOOKS, only))
+    result = [part for face in faces for part in bare(scene, face)]
     if not result:
         who = "no free block has" if blocks is None else f"none of {sorted(only)} has"
         covered = (
-            f"all {there} faces that look along {written(towards)} are in contact with other "
+            f"all {len(faces)} faces that look along {written(towards)} are in contact with other "
             "blocks: water in joints is uplift's, other pressures need faces that are bare"
         )
         missing = f"{who} a face that looks along {written(towards)}: turn the direction"
-        raise InputError(covered if there else missing)
+        raise InputError(covered if faces else missing)
     return result
 
 
@@ -104,7 +131,7 @@ def seen_from_above(scene: Scene, blocks: Collection[str] | None) -> list[Face]:
     if blocks is not None:
         return faces
     plan = np.concatenate([plane_axes(up), up[None]])
-    tops = [top for block in scene.blocks for top in faces_of(block, up, RELATIVE_TOLERANCE)]
+    tops = list(faces_of(scene, range(len(scene.blocks)), up, RELATIVE_TOLERANCE))
     ours, others = (
         shapely.make_valid(np.array([shapely.Polygon(x.corners @ plan[:2].T) for x in some]))
         for some in (faces, tops)
@@ -138,20 +165,33 @@ def seen_from_above(scene: Scene, blocks: Collection[str] | None) -> list[Face]:
     return result
 
 
-def faces_of(block: Block, towards: FloatArray, limit: float) -> Iterator[Face]:
-    """The faces of a block whose normal has more than ``limit`` along a unit vector."""
-    for indices in block.faces:
-        corners = block.vertices[list(indices)]
-        normal = unit(polygon_vectors(corners))
-        if float(normal @ towards) > limit:
-            yield Face(block, normal, corners)
+def free_faces(
+    scene: Scene, towards: FloatArray, limit: float, only: Collection[str]
+) -> Iterator[Face]:
+    """Faces of the free blocks named in ``only``, as of :func:`faces_of`."""
+    named = set(only)
+    return faces_of(scene, [i for i in scene.free if scene.blocks[i].id in named], towards, limit)
 
 
-def bare(scene: Scene, i: int, face: Face) -> Iterator[Face]:
-    """The parts of a face of block i that no contact covers."""
+def faces_of(
+    scene: Scene, numbers: Iterable[int], towards: FloatArray, limit: float
+) -> Iterator[Face]:
+    """Faces of blocks whose normal has more than ``limit`` along a unit vector."""
+    for i in numbers:
+        block = scene.blocks[i]
+        for indices in block.faces:
+            corners = block.vertices[list(indices)]
+            normal = unit(polygon_vectors(corners))
+            if float(normal @ towards) > limit:
+                yield Face(block, i, normal, corners)
+
+
+def bare(scene: Scene, face: Face) -> Iterator[Face]:
+    """The parts of a face that no contact covers."""
     contacts, normal, origin = scene.contacts, face.normal, face.corners.mean(axis=0)
-    outward = contacts.axes[:, 2] * np.where(contacts.a == i, 1.0, -1.0)[:, None]
-    on = ((contacts.a == i) | (contacts.b == i)) & (outward @ normal >= FACING)
+    is_a, is_b = contacts.a == face.number, contacts.b == face.number
+    outward = contacts.axes[:, 2] * np.where(is_a, 1.0, -1.0)[:, None]
+    on = (is_a | is_b) & (outward @ normal >= FACING)
     on &= np.abs((contacts.origin - origin) @ normal) <= SAME_FACE * face.block.thickness
     on &= ~contacts.is_point
     axes = plane_axes(normal)

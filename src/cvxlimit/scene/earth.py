@@ -10,12 +10,11 @@ from numpy.typing import ArrayLike
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.mesh import fan
 from cvxlimit.scene.bare_faces import Face, looking, upwards, written
 from cvxlimit.scene.loads import Load, PointForce
-from cvxlimit.scene.pressures import Pressure, pressed
+from cvxlimit.scene.pressures import Pressure
 from cvxlimit.scene.scene import Scene
-from cvxlimit.scene.surroundings import Layers, layered, layers_of, on_face
+from cvxlimit.scene.surroundings import Layers, check_level, layered, layers_of, on_face
 
 
 def coulomb_coefficient(
@@ -112,6 +111,7 @@ def coulomb_pressure(
         raise InputError(f"a surcharge needs a level surface, got beta {beta:g}: leave one out")
     layers = layers_of(level, unit_weight, surcharge, water, submerged)
     up, faces = upwards(scene), looking(scene, direction, blocks)
+    check_level(level, faces, up, f"along {written(direction)}")
     pressures, points = list[Pressure](), list[PointForce]()
     for face in faces:
         rise = float(face.normal @ up)
@@ -124,19 +124,14 @@ def coulomb_pressure(
             down = (rise * face.normal - up) / slope
             force = along * size * down
             points.append(PointForce(face.block.id, centre.tolist(), (force + 0.0).tolist()))
-    if not pressures:
-        raise InputError(
-            f"level {level:g} is below all faces that look along {written(direction)}: raise it"
-        )
     return Load(pressures=pressures, points=points)
 
 
 def _weight_on(face: Face, layers: Layers, up: FloatArray) -> tuple[float, FloatArray]:
     """The layers' vertical pressure over a face, in all, and its centre."""
     total, moment = 0.0, np.zeros(3)
-    for corners, surface, weight, first in layered(face, layers, up):
-        triangles = fan(corners, [range(len(corners))])[0]
-        places, areas = pressed(triangles, surface * up, -up)
-        sizes = (first + weight * (surface - places @ up)) * (areas @ face.normal)
+    for part, surface, weight, first in layered(face, layers, up):
+        places, areas, depth = part.below(surface, up)
+        sizes = (first + weight * depth) * (areas @ face.normal)
         total, moment = total + float(sizes.sum()), moment + sizes @ places
     return total, moment / total if total > 0.0 else moment

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray, IntArray, RemadeFromFields
-from cvxlimit.base.checks import finite_vector, meant, members, of_type
+from cvxlimit.base.checks import meant, members, of_type
 from cvxlimit.base.doors import Door
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import second_moments
-from cvxlimit.scene.pressures import REACH, Pressure, Vector
+from cvxlimit.scene.pressures import REACH, Pressure, Vector, set_field, vector
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,26 @@ class PointForce:
 
     def __post_init__(self) -> None:
         what = f"of the point load on block {self.block!r}"
-        _set(self, "at", _vector(self.at, 3, f"point {what}"))
-        _set(self, "force", _vector(self.force, 3, f"force {what}"))
+        set_field(self, "at", vector(self.at, f"point {what}"))
+        set_field(self, "force", vector(self.force, f"force {what}"))
+
+    def resultant(self, block: Block) -> tuple[Vector, Vector, Vector]:
+        """Returns the point, the force and the moment there, which is none, (3,) each.
+
+        Raises
+        ------
+        InputError
+            If the point is far off the block.
+        """
+        distance = float(np.linalg.norm(self.at - block.centroid))
+        reach = float(np.linalg.norm(block.vertices - block.centroid, axis=1).max())
+        if distance > REACH * reach:
+            raise InputError(
+                f"a point load on block {block.id!r} acts at {list(self.at)}, {distance:g} from "
+                f"the block's centroid, whose farthest corner is {reach:g} away: give a point of "
+                "the block"
+            )
+        return self.at, self.force, (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -89,7 +107,7 @@ class GrowingAcceleration:
     def __post_init__(self) -> None:
         for each in fields(self):
             what = f"{each.name} of a growing acceleration"
-            _set(self, each.name, _vector(getattr(self, each.name), 3, what))
+            set_field(self, each.name, vector(getattr(self, each.name), what))
         if self.base == self.top:
             raise InputError(
                 f"base and top of a growing acceleration are both {list(self.base)}: give the "
@@ -165,7 +183,7 @@ class Load(RemadeFromFields):
         for name in ("gravity", "acceleration"):
             value = getattr(self, name)
             if value is not None:
-                _set(self, name, _vector(value, 3, name))
+                set_field(self, name, vector(value, name))
         if self.gravity is not None and not np.isclose(
             np.linalg.norm(self.gravity), 1.0, atol=1e-6
         ):
@@ -180,11 +198,11 @@ class Load(RemadeFromFields):
             given = {} if getattr(self, name) is None else getattr(self, name)
             of_type(given, Mapping, f"{name} must be a mapping", f"write {{'b1': {example}}}")
             length = example.count(",") + 1
-            checked = {key: _vector(v, length, f"{what} {key!r}") for key, v in given.items()}
-            _set(self, name, MappingProxyType(checked))
+            checked = {key: vector(v, f"{what} {key!r}", length) for key, v in given.items()}
+            set_field(self, name, MappingProxyType(checked))
         for name, kind in _LISTED.items():
             what = f"{name} of a load must be {kind.__name__} objects"
-            _set(self, name, members(getattr(self, name) or (), kind, what))
+            set_field(self, name, members(getattr(self, name) or (), kind, what))
 
     def __repr__(self) -> str:
         values = {each.name: getattr(self, each.name) for each in fields(self)}
@@ -246,30 +264,26 @@ class Load(RemadeFromFields):
         """
         loaded = list(blocks)
         index = {block.id: i for i, block in enumerate(loaded)}
-        # Multiples of weights, then forces at centroids, point loads and pressures.
-        parts = [self._body_forces(loaded)]
-        for key, force in self.forces.items():
-            if key in index:
-                at = loaded[index[key]].centroid
-                parts.append(_action(index[key], at, force[:3], force[3:]))
-        parts += [
-            _point_action(index[p.block], loaded[index[p.block]], p)
-            for p in self.points
-            if p.block in index
+        # Multiples of weights at all centroids, then forces at some, point loads and pressures.
+        weights = np.array([block.weight for block in loaded])[:, None] * self.per_weight(loaded)
+        all_of_them = [np.reshape([block.centroid for block in loaded], (-1, 3)),
+                       weights[:, :3], weights[:, 3:]]  # fmt: skip
+        placed: Sequence[PointForce | Pressure] = (*self.points, *self.pressures)
+        rows: list[tuple[Any, ...]] = [
+            (index[key], loaded[index[key]].centroid, force[:3], force[3:])
+            for key, force in self.forces.items()
+            if key in index
         ]
-        parts += [
-            _action(index[p.block], *p.resultant(loaded[index[p.block]]))
-            for p in self.pressures
-            if p.block in index
+        rows += [
+            (index[each.block], *each.resultant(loaded[index[each.block]]))
+            for each in placed
+            if each.block in index
         ]
-        names = ("block", "at", "force", "moment")
-        return Actions(*(np.concatenate([getattr(x, name) for x in parts]) for name in names))
-
-    def _body_forces(self, blocks: Sequence[Block]) -> Actions:
-        """Returns the forces that are multiples of the blocks' weights, at their centroids."""
-        acting = np.array([b.weight for b in blocks])[:, None] * self.per_weight(blocks)
-        at = np.array([b.centroid for b in blocks]).reshape(-1, 3)
-        return Actions(np.arange(len(blocks)), at, acting[:, :3], acting[:, 3:])
+        single = (np.reshape([row[k] for row in rows], (-1, 3)) for k in (1, 2, 3))
+        return Actions(
+            np.array([*range(len(loaded)), *(row[0] for row in rows)], dtype=np.int64),
+            *(np.concatenate(both) for both in zip(all_of_them, single, strict=True)),
+        )
 
     def per_weight(self, blocks: Sequence[Block]) -> FloatArray:
         """Returns forces and moments (n, 6) about the centroids per unit of each block's weight, of
@@ -350,35 +364,6 @@ def combined(loads: Sequence[Load], factors: ArrayLike) -> Load:
         ]
     total_acceleration = tuple(acceleration) if acceleration.any() else None
     return Load(None, total_acceleration, force, points, pressures, times, growing)  # type: ignore[arg-type]
-
-
-def _point_action(i: int, block: Block, point: PointForce) -> Actions:
-    """Returns a point load as an action on block ``i``; raises InputError if it is far off the
-    block."""
-    distance = float(np.linalg.norm(point.at - block.centroid))
-    reach = float(np.linalg.norm(block.vertices - block.centroid, axis=1).max())
-    if distance > REACH * reach:
-        raise InputError(
-            f"a point load on block {block.id!r} acts at {list(point.at)}, {distance:g} from the "
-            f"block's centroid, whose farthest corner is {reach:g} away: give a point of the block"
-        )
-    return _action(i, np.array(point.at), point.force, (0.0, 0.0, 0.0))
-
-
-def _action(i: int, at: ArrayLike, force: ArrayLike, moment: ArrayLike) -> Actions:
-    """Returns one force and moment (3,) at a point (3,) of block ``i``."""
-    rows = [np.reshape(np.asarray(x, dtype=float), (1, 3)) for x in (at, force, moment)]
-    return Actions(np.array([i]), *rows)
-
-
-def _set(target: object, name: str, value: object) -> None:
-    """Sets a field of a frozen dataclass."""
-    object.__setattr__(target, name, value)
-
-
-def _vector(value: object, length: int, what: str) -> Vector:
-    """Returns ``length`` finite numbers as a tuple, or raises InputError."""
-    return tuple(finite_vector(value, length, what).tolist())
 
 
 def __getattr__(name: str) -> Any:

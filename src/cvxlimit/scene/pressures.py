@@ -87,22 +87,20 @@ class Pressure:
 
     def __post_init__(self) -> None:
         what = f"of the pressure on block {self.block!r}"
-        self._set("normal", _direction(self.normal, f"normal {what}"))
-        self._set("pressure", finite_vector([self.pressure], 1, f"value {what}").tolist()[0])
-        self._set("gradient", tuple(finite_vector(self.gradient, 3, f"gradient {what}").tolist()))
+        set_field(self, "normal", _direction(self.normal, f"normal {what}"))
+        set_field(self, "pressure", vector([self.pressure], f"value {what}", 1)[0])
+        set_field(self, "gradient", vector(self.gradient, f"gradient {what}"))
         if self.within is not None:
-            self._set("within", _direction(self.within, f"within {what}"))
+            set_field(self, "within", _direction(self.within, f"within {what}"))
         if self.at is not None:
-            self._set("at", tuple(finite_vector(self.at, 3, f"at {what}").tolist()))
+            set_field(self, "at", vector(self.at, f"at {what}"))
         elif any(self.gradient) or self.within is not None:
             raise InputError(
                 f"at {what} is missing: give the point where the pressure is {self.pressure:g}, "
                 "on the surface of water or soil for example"
             )
         if self.corners is not None:
-            rows = tuple(
-                tuple(finite_vector(x, 3, f"corner {what}").tolist()) for x in self.corners
-            )
+            rows = tuple(vector(x, f"corner {what}") for x in self.corners)
             area = polygon_vectors(np.array(rows)) if len(rows) > 2 else np.zeros(3)
             along = float(area @ self.normal)
             if abs(along) < FACING * np.linalg.norm(area) or along == 0.0:
@@ -111,10 +109,7 @@ class Pressure:
                     f"{list(self.normal)}, got {len(rows)} corners with the area vector "
                     f"{np.round(area, 6).tolist()}"
                 )
-            self._set("corners", rows if along > 0.0 else rows[::-1])
-
-    def _set(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)
+            set_field(self, "corners", rows if along > 0.0 else rows[::-1])
 
     def resultant(self, block: Block) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Returns the pressure's point of application, force and moment about that point, (3,)
@@ -215,10 +210,20 @@ def pressed(
     return middles.reshape(-1, 3), areas
 
 
+def set_field(target: object, name: str, value: object) -> None:
+    """Sets a field of a frozen dataclass, which only its own checks do."""
+    object.__setattr__(target, name, value)
+
+
+def vector(value: object, what: str, length: int = 3) -> Vector:
+    """Returns ``length`` finite numbers as a tuple, or raises InputError."""
+    return tuple(finite_vector(value, length, what).tolist())
+
+
 def _direction(value: object, what: str) -> Vector:
     """Returns a unit vector (3,) as a tuple, or raises InputError."""
-    vector = finite_vector(value, 3, what)
-    length = float(np.linalg.norm(vector))
+    given = finite_vector(value, 3, what)
+    length = float(np.linalg.norm(given))
     if not 0.0 < length < np.inf:
-        raise InputError(f"{what} must be a direction, got {vector.tolist()}")
-    return tuple((vector / length).tolist())
+        raise InputError(f"{what} must be a direction, got {given.tolist()}")
+    return tuple((given / length).tolist())

@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cvxlimit.base.arrays import ROUNDING, FloatArray
-from cvxlimit.base.checks import finite_vector, meant, of_type, positive
+from cvxlimit.base.checks import finite_vector, is_number, meant, of_type, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.geometry.mesh import plane_axes
+from cvxlimit.scene.pressures import set_field, vector
 
 
 @dataclass(frozen=True)
@@ -61,22 +63,19 @@ class Reaction:
         of_type(self.block, str, f"block of {where} must be the id of a block")
         if self.on is not None:
             of_type(self.on, str, f"on of {where} must be the id of a block, or None")
-        at = finite_vector(self.at, 3, f"at of {where}")
+        set_field(self, "at", vector(self.at, f"at of {where}"))
         direction = finite_vector(self.direction, 3, f"direction of {where}")
         size = float(np.linalg.norm(direction))
         if not size > 0.0:
             raise InputError(f"direction of {where} must not be zero: say where it pushes")
-        object.__setattr__(self, "at", tuple(at.tolist()))
         if abs(size - 1.0) > ROUNDING:  # else a file's reader would change the last digit
             direction = direction / size
-        object.__setattr__(self, "direction", tuple(direction.tolist()))
+        set_field(self, "direction", tuple(direction.tolist()))
         for name in ("most", "least"):
             value = getattr(self, name)
-            is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-            is_open = name == "most" and value == np.inf
-            if not (is_number and (np.isfinite(value) or is_open)):
+            if not (is_number(value) and (np.isfinite(value) or (name, value) == ("most", np.inf))):
                 raise InputError(f"{name} of {where} must be a number (a force), got {value!r}")
-            object.__setattr__(self, name, float(value))
+            set_field(self, name, float(value))
         if self.least > self.most:
             raise InputError(
                 f"least of {where} must not be above its most, got {self.least:g} and "
@@ -131,10 +130,8 @@ class Tie:
         for name in ("a", "b"):
             of_type(getattr(self, name), str, f"{name} of {where} must be the id of a block")
         for name in ("start", "end"):
-            point = finite_vector(getattr(self, name), 3, f"{name} of {where}")
-            object.__setattr__(self, name, tuple(point.tolist()))
-        force = positive(self.yield_force, f"yield_force of {where}")
-        object.__setattr__(self, "yield_force", force)
+            set_field(self, name, vector(getattr(self, name), f"{name} of {where}"))
+        set_field(self, "yield_force", positive(self.yield_force, f"yield_force of {where}"))
         if self.a == self.b:
             raise InputError(f"{where} joins a block to itself: name two blocks")
         if not self.length > 0.0:
@@ -200,23 +197,22 @@ def _points(ties: Sequence[Tie], reactions: Sequence[Reaction]) -> Iterator[_Poi
     for i, each in enumerate(reactions):
         name = f"reaction {each.on or 'ground'}-{each.block}" + (f" ({i})" if i else "")
         at, line = np.array(each.at), np.array(each.direction)
-        if each.most > 0.0:
-            least = max(each.least, 0.0)
-            yield _Point(name, each.on, each.block, at, line, least, each.most, 1.0)
-        if each.least < 0.0:  # what pulls is a point of its own
-            name += " pull" if each.most > 0.0 else ""
-            least = max(-each.most, 0.0)
-            yield _Point(name, each.on, each.block, at, line, least, -each.least, -1.0)
+        for sense, least, most in _senses(each):
+            pull = " pull" if sense < 0.0 < each.most else ""
+            yield _Point(name + pull, each.on, each.block, at, line, least, most, sense)
+
+
+def _senses(reaction: Reaction) -> Iterator[tuple[float, float, float]]:
+    """The sense and bounds of a reaction's points: one that pushes, one that pulls, or both."""
+    if reaction.most > 0.0:
+        yield 1.0, max(reaction.least, 0.0), reaction.most
+    if reaction.least < 0.0:
+        yield -1.0, max(-reaction.most, 0.0), -reaction.least
 
 
 def places(reactions: Sequence[Reaction]) -> list[tuple[int, float]]:
     """Returns which reaction each of their points is of, and its sense, in the contacts' order."""
-    return [
-        (i, sense)
-        for i, each in enumerate(reactions)
-        for sense, is_there in ((1.0, each.most > 0.0), (-1.0, each.least < 0.0))
-        if is_there
-    ]
+    return [(i, sense) for i, each in enumerate(reactions) for sense, _, _ in _senses(each)]
 
 
 def with_reactions(
@@ -232,13 +228,14 @@ def with_reactions(
     if not supports and (held := [point.name for point in points if point.a is None]):
         raise InputError(f"{held[0]!r} needs a ground that stays: name the block that pushes in on")
     place, k = {key: i for i, key in enumerate(contacts.block_ids)}, len(points)
+    lines = [point.line / np.linalg.norm(point.line) for point in points]
     bars = Contacts(
         names=tuple(point.name for point in points),
         block_ids=contacts.block_ids,
         a=np.array([place[point.a or supports[0]] for point in points]),
         b=np.array([place[point.b] for point in points]),
         origin=np.array([point.at for point in points]),
-        axes=np.array([_frame(point.line) for point in points]),
+        axes=np.array([[*plane_axes(line), line] for line in lines]),
         corner_start=np.arange(k + 1),
         corner_xy=np.zeros((k, 2)),
         sides=np.full((k, 2), np.nan),
@@ -249,10 +246,3 @@ def with_reactions(
         sense=np.array([point.sense for point in points]),
     )
     return Contacts.joined([contacts, bars])
-
-
-def _frame(line: FloatArray) -> FloatArray:
-    normal = line / np.linalg.norm(line)
-    across = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-    first = across / np.linalg.norm(across)
-    return np.array([first, np.cross(normal, first), normal])

@@ -1,4 +1,8 @@
-"""Soil that resists: passive pressure as reactions, on the faces that it reaches."""
+"""Soil that resists: passive pressure as reactions, on the faces that it reaches.
+
+Of every bare face that looks sideways and not down, the part below the soil's level; unless a ray
+straight up from beside it meets a block. A ray along the axis says what the soil leans on there.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,9 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, fan
-from cvxlimit.scene.bare_faces import bare, chosen, faces_of, upwards
-from cvxlimit.scene.pressures import pressed
+from cvxlimit.scene.bare_faces import bare, chosen, free_faces, horizontal, upwards
 from cvxlimit.scene.reactions import Reaction
 from cvxlimit.scene.scene import Scene
-from cvxlimit.scene.surroundings import horizontal
-
-BESIDE = 1e-3
-"""Distance from a face, as a share of a block's thickness, at which soil beside it begins."""
 
 OVERHANGING = np.cos(np.radians(100.0))
 """Faces that look down by more than 10 degrees, as those of an intrados, have no soil on them."""
@@ -77,36 +76,29 @@ def passive(
     """
     gamma = positive(unit_weight, "unit_weight") * positive(coefficient, "coefficient")
     up = upwards(scene)
-    axis, only = horizontal(along, up), set(chosen(scene, blocks))
+    axis, only = horizontal(along, up), chosen(scene, blocks)
     pieces = [fan(block.vertices, block.faces)[0] for block in scene.blocks]
-    triangles, owner = (
-        np.concatenate(pieces),
-        np.repeat(np.arange(len(pieces)), [*map(len, pieces)]),
-    )
+    owner = np.repeat(np.arange(len(pieces)), [*map(len, pieces)])
+    triangles = np.concatenate(pieces)
+    sideways = (x for x in free_faces(scene, up, OVERHANGING, only) if abs(x.normal @ axis) > 1e-9)
     found = []
-    for i in scene.free.tolist():
-        block = scene.blocks[i]
-        for face in faces_of(block, up, OVERHANGING) if block.id in only else ():
-            side = float(face.normal @ axis)
-            if abs(side) <= 1e-9:
-                continue
-            for part in bare(scene, i, face):
-                around = [range(len(part.corners))]
-                points, areas = pressed(fan(part.corners, around)[0], level * up, -up)
-                sizes = gamma * (level - points @ up) * np.abs(areas @ axis)
-                most = float(sizes.sum())
-                if most > 0.0:
-                    at = (sizes @ points / most).tolist()
-                    out, place = np.sign(side) * axis, np.array(at)
-                    beside = place + BESIDE * block.thickness * out
-                    if _faced(beside, up, triangles, owner, i) is not None:
-                        continue  # under an arch: no soil reaches up from here to its level
-                    other = _faced(place, out, triangles, owner, i)
-                    if other is None or scene.blocks[other].id in scene.supports:
-                        found.append(Reaction(block.id, tuple(at), tuple(-out + 0.0), most))
-                    elif side > 0.0:  # once for both
-                        on = scene.blocks[other].id
-                        found.append(Reaction(block.id, tuple(at), tuple(-out + 0.0), most, on=on))
+    for part in (part for face in sideways for part in bare(scene, face)):
+        points, areas, depth = part.below(level, up)
+        sizes = gamma * depth * np.abs(areas @ axis)
+        most = float(sizes.sum())
+        if not most > 0.0:
+            continue
+        side = float(part.normal @ axis)
+        at, out = sizes @ points / most, np.sign(side) * axis
+        beside = at + part.block.joint_tolerance * out  # where soil beside the face begins
+        if _faced(beside, up, triangles, owner, part.number) is not None:
+            continue  # under an arch: no soil reaches up from here to its level
+        other = _faced(at, out, triangles, owner, part.number)
+        on = None if other is None else scene.blocks[other].id
+        on = None if on in scene.supports else on
+        if on is None or side > 0.0:  # once for both blocks
+            place, way = tuple(at.tolist()), tuple((-out + 0.0).tolist())
+            found.append(Reaction(part.block.id, place, way, most, on=on))
     if not found:
         raise InputError(
             f"soil up to level {level:g} reaches no bare face that looks along the axis "

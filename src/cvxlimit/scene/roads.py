@@ -8,17 +8,16 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector, not_negative, positive
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.mesh import cut_off, fan
-from cvxlimit.scene.bare_faces import seen_from_above, upwards
+from cvxlimit.geometry.mesh import cut_off
+from cvxlimit.scene.bare_faces import down, horizontal, seen_from_above, upwards
 from cvxlimit.scene.loads import PointForce
 from cvxlimit.scene.pressures import pressed
 from cvxlimit.scene.scene import Scene
-from cvxlimit.scene.surroundings import horizontal
 
 _STRIPS = 6
 """Strips of a face, on each of which a spread load is even: forces on a voussoir come out to a
@@ -37,6 +36,20 @@ class RoadLoad:
 
     points: tuple[PointForce, ...]
     lost: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Strips:
+    """Strips of faces below a road, across it, k in all: the ``block`` (k,) that each belongs to,
+    its ``centre`` (k, 3), the ``depth`` (k,) of the fill over it, where along the road it begins
+    and ends (``low``, ``high``; (k,)), and how wide it is in plan."""
+
+    block: NDArray[np.str_]
+    centre: FloatArray
+    depth: FloatArray
+    low: FloatArray
+    high: FloatArray
+    width: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,37 +93,36 @@ class Road:
     blocks: Collection[str] | None = None
 
     @cached_property
-    def _cells(self) -> tuple[list[str], IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Ids of blocks that are reached; of k strips of their faces the block's number, centre
-        (k, 3), place along the axis, length along it, and width across."""
+    def _up(self) -> FloatArray:
+        return upwards(self.scene)
+
+    @cached_property
+    def _strips(self) -> _Strips:
         finite_vector([self.level], 1, "level of a road")
-        up, faces = upwards(self.scene), seen_from_above(self.scene, self.blocks)
-        axis = horizontal(self.along, up)
-        names = list(dict.fromkeys(face.block.id for face in faces))
-        rows = []
+        faces, axis = seen_from_above(self.scene, self.blocks), horizontal(self.along, self._up)
+        block, rows = list[str](), []
         for face in faces:
-            triangles = fan(face.corners, [range(len(face.corners))])[0]
-            reach = face.corners @ axis
+            triangles, reach = face.triangles, face.corners @ axis
             ends = np.linspace(reach.min(), reach.max(), _STRIPS + 1)
             for low, high in pairwise(ends.tolist()):
                 strip = cut_off(triangles, triangles @ axis - low)
                 strip = cut_off(strip, high - strip @ axis)
                 points, areas = pressed(strip)
-                sizes = areas @ up
+                sizes = areas @ self._up
                 plan = float(sizes.sum())
                 if plan > 0.0:
-                    centre = sizes @ points / plan
-                    length = float(high - low)
-                    rows.append((names.index(face.block.id), *centre, length, plan / length))
-        table = np.array(rows)
-        centres = table[:, 1:4]
-        highest = float((centres @ up).max())
+                    block.append(face.block.id)
+                    rows.append((*(sizes @ points / plan), low, high, plan / (high - low)))
+        centre, (low, high, width) = np.array(rows)[:, :3], np.array(rows)[:, 3:].T
+        heights = centre @ self._up
+        highest = float(heights.max())
         if not self.level > highest - 1e-9 * abs(highest):
             raise InputError(
                 f"the road at level {self.level:g} lies below a face that looks up, at "
                 f"{highest:g}: raise the level"
             )
-        return names, table[:, 0].astype(int), centres, centres @ axis, table[:, 4], table[:, 5]
+        depth = np.maximum(self.level - heights, 0.0)
+        return _Strips(np.array(block), centre, depth, low, high, width)
 
     def load(
         self, at: float, force: float, length: float = 0.3, spread: float | str = 0.5
@@ -130,58 +142,49 @@ class Road:
         (middle,) = finite_vector([at], 1, "place of a road load").tolist()
         if spread != BOUSSINESQ:
             spread = not_negative(spread, f"spread of a road load (or {BOUSSINESQ!r})")
-        names, block, centres, place, size, width = self._cells
-        up = upwards(self.scene)
-        depth = np.maximum(self.level - centres @ up, 0.0)
-        # beside the blocks the fill goes on at the depth that it has at their ends
-        order = np.argsort(place)
-        sides = []
-        for end, way in ((order[0], -1.0), (order[-1], 1.0)):
-            far = long + (2.0 * float(spread if spread != BOUSSINESQ else _CUT) + 1.0) * depth[end]
-            steps = np.linspace(0.0, far, 200)
-            edge = place[end] + way * 0.5 * size[end]
-            own = edge + way * 0.5 * (steps[1:] + steps[:-1])
-            sides.append((own, np.diff(steps), np.full(len(own), depth[end]), width[end]))
-        share = self._share(place - middle, size, depth, long, spread) * width
-        beside = sum(
-            float((self._share(own - middle, step, deep, long, spread) * wide).sum())
-            for own, step, deep, wide in sides
-        )
-        whole = float(share.sum()) + beside
-        if not float(share.sum()) > 0.0:
+        under = self._strips
+        low, high = under.low - middle, under.high - middle
+        on = under.width * _share(low, high, under.depth, long, spread)
+        if not float(on.sum()) > 0.0:
             raise InputError(
                 f"a road load at {middle:g} reaches no free block, which lie between "
-                f"{place.min():.4g} and {place.max():.4g}: move it"
+                f"{under.low.min():.4g} and {under.high.max():.4g}: move it"
             )
-        forces = total * share / whole
-        points = []
-        for k, name in enumerate(names):
-            own = forces * (block == k)
-            if (sum_of := float(own.sum())) > 0.0:
-                where = own @ centres / sum_of
-                points.append(PointForce(name, tuple(where.tolist()), tuple(-sum_of * up + 0.0)))
+        # Beside the blocks the fill goes on, as deep and as wide as it is at their ends.
+        first, last = int(low.argmin()), int(high.argmax())
+        starts, stops = np.array([-np.inf, high[last]]), np.array([low[first], np.inf])
+        own = under.depth[[first, last]], under.width[[first, last]]
+        beside = float(own[1] @ _share(starts, stops, own[0], long, spread))
+        whole = float(on.sum()) + beside
+        forces, points = total * on / whole, list[PointForce]()
+        for name in dict.fromkeys(under.block.tolist()):
+            points += down(name, under.centre, forces * (under.block == name), self._up)
         return RoadLoad(tuple(points), total * beside / whole)
 
     def reaches(self, at: float, length: float = 0.3, spread: float | str = 0.5) -> bool:
         """True if some of a load at this place comes down on a block."""
-        _, _, centres, place, size, _ = self._cells
-        up = upwards(self.scene)
-        depth = np.maximum(self.level - centres @ up, 0.0)
-        return bool(self._share(place - at, size, depth, length, spread).any())
+        under = self._strips
+        return bool(_share(under.low - at, under.high - at, under.depth, length, spread).any())
 
-    @staticmethod
-    def _share(
-        off: FloatArray, size: FloatArray, depth: FloatArray, length: float, spread: float | str
-    ) -> FloatArray:
-        """Share of a load per width on strips of some size, ``off`` its middle: what is over it."""
-        if spread == BOUSSINESQ:
-            half = 0.5 * length + _CUT * depth
-            safe = np.maximum(depth, 1e-12 * length)
-            one, other = (np.arctan((off + s * 0.5 * length) / safe) for s in (1.0, -1.0))
-            even = (one - other + np.sin(one) * np.cos(one) - np.sin(other) * np.cos(other)) / np.pi
-            even = even / length
-        else:
-            half = 0.5 * length + float(spread) * depth
-            even = 0.5 / half
-        covered = np.minimum(off + 0.5 * size, half) - np.maximum(off - 0.5 * size, -half)
-        return np.asarray(even * np.maximum(covered, 0.0))
+
+def _share(
+    low: FloatArray, high: FloatArray, depth: FloatArray, length: float, spread: float | str
+) -> FloatArray:
+    """Share of a load per width that comes down between two places, from its middle, at a depth.
+
+    Spread 1 in n it is even over the length that it has reached. In an elastic half-space under a
+    strip of the load's length L the pressure at a place x and a depth z is
+
+        (f(x + L / 2) - f(x - L / 2)) / (pi L),   f(s) = atan(s / z) + s z / (s^2 + z^2),
+
+    whose integral over x has s atan(s / z) in place of f(s).
+    """
+    tan = _CUT if spread == BOUSSINESQ else float(spread)
+    half = 0.5 * length + tan * depth
+    low, high = np.clip(low, -half, half), np.clip(high, -half, half)
+    if spread != BOUSSINESQ:
+        return np.asarray((high - low) * (0.5 / half))
+    deep = np.maximum(depth, 1e-12 * length)
+    ends = np.stack([low, high]) + 0.5 * length * np.array([1.0, -1.0])[:, None, None]
+    whole = ends * np.arctan(ends / deep)  # of both ends of the load (rows), at both places
+    return np.asarray((whole[0, 1] - whole[0, 0] - whole[1, 1] + whole[1, 0]) / (np.pi * length))

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import finite_vector, first_twice, members
+from cvxlimit.base.checks import first_twice, members
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
-
-Vector = tuple[float, ...]
+from cvxlimit.scene.pressures import Vector, set_field, vector
 
 
 @dataclass(frozen=True)
@@ -50,15 +49,14 @@ class SupportMotion:
 
     def __post_init__(self) -> None:
         names = members(self.supports, str, "supports that move must be ids", "write ['p1', 'p2']")
-        object.__setattr__(self, "supports", names)
+        set_field(self, "supports", names)
         who = f"of the motion of {', '.join(map(repr, names))}"
         if not names or (twice := first_twice(names)) is not None:
             what = f"{twice!r} twice" if names else "none"
             raise InputError(f"a motion names the supports that move, each once, got {what}")
         for name in ("direction", "rotation", "about"):
             if (value := getattr(self, name)) is not None:
-                found = finite_vector(value, 3, f"{name} {who}")
-                object.__setattr__(self, name, tuple(found.tolist()))
+                set_field(self, name, vector(value, f"{name} {who}"))
         if not self.size > 0.0:
             raise InputError(f"direction {who} must not be zero, unless it has a rotation")
         if any(self.rotation) and self.about is None:

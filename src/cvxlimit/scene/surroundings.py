@@ -1,21 +1,29 @@
 """What surrounds a structure as loads: water and soil beside it, water in its joints, fill and
-wheels on top of it; found on the faces that they reach, whatever their number."""
+wheels on top of it; found on the faces that they reach, whatever their number.
+
+All take the same way: the bare faces that look there (``bare_faces.py``), the part of each that is
+reached, and the pressure on it: as a :class:`~cvxlimit.Pressure`, or, where it acts straight down,
+as one force at its centre.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.checks import finite_vector, not_negative, positive
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.mesh import cut_off, fan, unit
+from cvxlimit.geometry.mesh import cut_off
 from cvxlimit.scene.bare_faces import (
     SAME_FACE,
     Face,
     chosen,
+    down,
+    horizontal,
     looking,
     seen_from_above,
     upwards,
@@ -130,14 +138,19 @@ def earth_pressure(
     share = positive(coefficient, "coefficient")
     layers = layers_of(level, unit_weight, surcharge, water, submerged)
     up, faces = upwards(scene), looking(scene, direction, blocks)
-    low, high = _below(scene, level, up, faces)
-    found = [pressure for face in faces for pressure in on_face(face, layers, share, up)]
-    if not found:
+    check_level(level, faces, up, f"along {written(direction)}")
+    return tuple(pressure for face in faces for pressure in on_face(face, layers, share, up))
+
+
+def check_level(level: float, faces: Sequence[Face], up: FloatArray, where: str) -> None:
+    """Refuse a level that reaches none of the faces, which look ``where``."""
+    finite_vector([level], 1, "level")
+    heights = np.concatenate([face.corners for face in faces]) @ up
+    if not level > heights.min():
         raise InputError(
-            f"level {level:g} is below all faces that look along {written(direction)}, which lie "
-            f"between the heights {low:g} and {high:g}: give a level above the lowest"
+            f"level {level:g} is below all faces that look {where}, which lie between the heights "
+            f"{heights.min():g} and {heights.max():g}: give a level above the lowest"
         )
-    return tuple(found)
 
 
 Layers = Sequence[tuple[float, float, float]]
@@ -166,16 +179,16 @@ def layers_of(
 
 def layered(
     face: Face, layers: Layers, up: FloatArray
-) -> Iterator[tuple[FloatArray, float, float, float]]:
-    """Yields the layers that reach a face, each behind the corners (k, 3) of its part of it; what
-    lies above the first one's surface is left in."""
+) -> Iterator[tuple[Face, float, float, float]]:
+    """Yields the layers that reach a face, each behind its part of it; what lies above the first
+    one's surface is left in."""
     corners = face.corners
     for k, layer in enumerate(layers):
         bottom = layers[k + 1][0] if k + 1 < len(layers) else -np.inf
         heights = corners @ up
         if max(heights.min(), bottom) < layer[0] and heights.max() > bottom:
             part = corners if heights.min() >= bottom else _above(corners, heights - bottom)
-            yield part, *layer
+            yield replace(face, corners=part), *layer
 
 
 def _above(corners: FloatArray, heights: FloatArray) -> FloatArray:
@@ -200,9 +213,9 @@ def on_face(face: Face, layers: Layers, share: float, up: FloatArray) -> list[Pr
             (-(share * weight) * up + 0.0).tolist(),
             at=(surface * up + 0.0).tolist(),
             within=(-up + 0.0).tolist(),
-            corners=corners.tolist(),
+            corners=part.corners.tolist(),
         )
-        for corners, surface, weight, first in layered(face, layers, up)
+        for part, surface, weight, first in layered(face, layers, up)
     ]
 
 
@@ -255,42 +268,45 @@ def uplift(
             f"tail {tail:g} is above level {level:g}: turn the direction, towards the higher water"
         )
     contacts = scene.contacts
-    normals = contacts.axes[contacts.faces, 2]
-    flat = np.flatnonzero(np.abs(normals @ up) >= FLAT).tolist()
     places, heights = contacts.corner_points @ towards, contacts.corner_points @ up
     result: list[Pressure] = []
-    for j in flat:
-        a, b = (scene.blocks[ends[j]] for ends in (contacts.a, contacts.b))
-        off = np.abs((contacts.origin[flat] - contacts.origin[j]) @ normals[j])
-        alike = np.abs(normals[flat] @ normals[j]) >= FACING
-        same = np.array(flat)[alike & (off <= SAME_FACE * min(a.thickness, b.thickness))]
-        corners = np.flatnonzero(np.isin(contacts.corner_contact, same))
+    for j, corners in _bed_joints(scene, up):
+        # Linear from the wet edge of the whole bed to its dry one, as the same on both blocks.
         wet, dry = corners[places[corners].argmax()], corners[places[corners].argmin()]
         at_wet = gamma * max(level - heights[wet], 0.0)
         at_dry = 0.0 if tail is None else gamma * max(tail - heights[dry], 0.0)
         if not at_wet > 0.0:
             continue
         slope = (at_wet - at_dry) / (places[wet] - places[dry])
-        for block, sign in ((a, 1.0), (b, -1.0)):
-            if block.id not in only:
-                continue
-            result += [
-                Pressure(
-                    block.id,
-                    (sign * normals[j] + 0.0).tolist(),
-                    at_wet,
-                    (slope * towards + 0.0).tolist(),
-                    at=(places[wet] * towards + 0.0).tolist(),
-                    corners=piece.tolist(),
-                )
-                for piece in contacts.piece_points(j)
-            ]
+        for i, sign in ((contacts.a[j], 1.0), (contacts.b[j], -1.0)):
+            if (block := scene.blocks[i].id) in only:
+                normal = (sign * contacts.axes[j, 2] + 0.0).tolist()
+                gradient, at = ((x * towards + 0.0).tolist() for x in (slope, places[wet]))
+                result += [
+                    Pressure(block, normal, at_wet, gradient, at, corners=piece.tolist())
+                    for piece in contacts.piece_points(j)
+                ]
     if not result:
         raise InputError(
             f"no bed joint lies below level {level:g}, so that water lifts nothing (joints steeper "
             "than 45 degrees are left out): give a level above the lowest bed joint"
         )
     return tuple(result)
+
+
+def _bed_joints(scene: Scene, up: FloatArray) -> Iterator[tuple[int, IntArray]]:
+    """Yields each contact that is less than 45 degrees off level, and the corners of all contacts
+    in its plane."""
+    contacts = scene.contacts
+    normals = contacts.axes[contacts.faces, 2]
+    flat = np.flatnonzero(np.abs(normals @ up) >= FLAT)
+    thickness = np.array([block.thickness for block in scene.blocks])
+    for j in flat.tolist():
+        off = np.abs((contacts.origin[flat] - contacts.origin[j]) @ normals[j])
+        least = min(thickness[contacts.a[j]], thickness[contacts.b[j]])
+        alike = np.abs(normals[flat] @ normals[j]) >= FACING
+        same = flat[alike & (off <= SAME_FACE * least)]
+        yield j, np.flatnonzero(np.isin(contacts.corner_contact, same))
 
 
 def fill(
@@ -324,16 +340,11 @@ def fill(
     """
     gamma = positive(unit_weight, "unit_weight")
     up, faces = upwards(scene), seen_from_above(scene, blocks)
-    low, high = _below(scene, level, up, faces)
-    found = []
+    check_level(level, faces, up, "up")
+    found = list[PointForce]()
     for face in faces:
-        points, areas = pressed(_fan(face), level * up, -up)
-        found += _down(face.block.id, points, gamma * (level - points @ up) * (areas @ up), up)
-    if not found:
-        raise InputError(
-            f"level {level:g} is below all faces that look up, which lie between the heights "
-            f"{low:g} and {high:g}: give a level above the lowest"
-        )
+        points, areas, depth = face.below(level, up)
+        found += down(face.block.id, points, gamma * depth * (areas @ up), up)
     return tuple(found)
 
 
@@ -380,14 +391,13 @@ def wheel(
         positive(x, "side of a wheel") for x in finite_vector(sides, 2, "sides of a wheel").tolist()
     )
     pairs = ((axis, length), (-axis, length), *((s * np.cross(up, axis), width) for s in (1, -1)))
-    found = []
+    found = list[PointForce]()
     for face in faces:
-        triangles = _fan(face)
+        triangles = face.triangles
         for way, side in pairs:
-            depth = 0.5 * side - (triangles - middle) @ way
-            triangles = cut_off(triangles, depth)
+            triangles = cut_off(triangles, 0.5 * side - (triangles - middle) @ way)
         points, areas = pressed(triangles)
-        found += _down(face.block.id, points, total / (length * width) * (areas @ up), up)
+        found += down(face.block.id, points, total / (length * width) * (areas @ up), up)
     carried = -sum(float(np.dot(load.force, up)) for load in found)
     if abs(carried - total) > 1e-6 * total:
         raise InputError(
@@ -396,30 +406,3 @@ def wheel(
             "name the blocks that it reaches"
         )
     return tuple(found)
-
-
-def _down(block: str, points: FloatArray, sizes: FloatArray, up: FloatArray) -> list[PointForce]:
-    whole = float(sizes.sum())
-    if not whole > 0.0:
-        return []
-    return [PointForce(block, (sizes @ points / whole).tolist(), (-whole * up + 0.0).tolist())]
-
-
-def _fan(face: Face) -> FloatArray:
-    return fan(face.corners, [range(len(face.corners))])[0]
-
-
-def horizontal(direction: ArrayLike, up: FloatArray) -> FloatArray:
-    vector = finite_vector(direction, 3, "direction")
-    level = vector - (vector @ up) * up
-    if not np.linalg.norm(level) > 1e-6 * np.linalg.norm(vector):
-        raise InputError(f"direction must be horizontal, got {vector.tolist()}")
-    return unit(level)
-
-
-def _below(
-    scene: Scene, level: float, up: FloatArray, faces: Sequence[Face]
-) -> tuple[float, float]:
-    finite_vector([level], 1, "level")
-    heights = np.concatenate([face.corners for face in faces]) @ up
-    return float(heights.min()), float(heights.max())

@@ -144,7 +144,7 @@ def _bracketed(solution: Solution) -> Said:
     if not solution.status.is_good:
         wider = ", as the bracket is wider than was asked for" if bracket.has_both else ""
         headline += f": {status}{wider}"
-    report, option = "this with its bracket, as a page to sign", "--report FILE.html"
+    report, option = "this with its bracket; for a page to sign", "--report FILE.html"
     if rows:
         report, option, headline = LOWEST, _WITHOUT, f"{headline}; {rows[0][1]}"
     return Said(
@@ -168,7 +168,7 @@ def _interval(solution: Solution) -> Said:
     return Said(
         value=solution.range_text, standing=f"{shown}  {solution.standing}", headline=headline,
         rows=rows,
-        report="both ends with their brackets, as a page to sign", option="--report FILE.html",
+        report="both ends with their brackets; for a page to sign", option="--report FILE.html",
     )  # fmt: skip
 
 
@@ -192,11 +192,11 @@ def _members(solution: Solution) -> Said:
     value, standing = rounded(factor, UNPROVED), "lowest found; not proved to be the least"
     found = "lowest load factor found at which it can fall if sliding opens no joint"
     headline = _joined(found, "not proved to be the least", limited)
-    report = f"{value} as the lowest found, with these limits, as a page to sign"
+    report = f"{value} as the lowest found, with these limits; for a page to sign"
     if bracket.lower_is_proved and factor - bracket.lower <= TOLERANCE * bracket.unit:
         standing = "the least, proved"
         headline = _joined("the least load factor if sliding opens no joint", limited)
-        report = "this, which is proved, as a page to sign"
+        report = "this, which is proved; for a page to sign"
     elif factor < 0.0:
         where = "0 lies between the" if highest >= 0.0 else "0 lies above all"
         depends = "whether it stands depends on the state of forces"

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.doors import attached
@@ -105,6 +105,8 @@ class Solution:
         that a formulation states itself (friction at corners, stone that crushes) is not among
         them, and not in the utilisation of tables and pictures.
     """
+
+    format: ClassVar[str] = "cvxlimit-result"
 
     scene_name: str
     surface: str

@@ -326,7 +326,7 @@ class TestOff:
             ("4 1 2 6 5", "4 1 2 6", "line 17: a face must be 5 numbers"),
             ("4 1 2 6 5", "2 1 2", "line 17: a face must list at least three"),
             ("4 1 2 6 5", "-4 1 2 6 5", "line 17"),
-            ("4 1 2 6 5\n", "", "ends before face 5 of 6"),
+            ("4 1 2 6 5\n", "", "it is cut off"),
         ],
     )
     def test_refused(self, tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import minimize
 
 from cvxlimit import Block, Load, Scene, Status, builtin_scene, solve
-from cvxlimit.base.workers import processes
+from cvxlimit.base.search import processes
 from cvxlimit.extensions.interaction.branching.search import BranchAndBound
 from cvxlimit.extensions.interaction.certified import Certified
 from cvxlimit.geometry.polygons import torsion_arm

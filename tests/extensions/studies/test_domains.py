@@ -396,6 +396,16 @@ def test_going_on_from_a_file(tmp_path: Path) -> None:
         domain_of(block(1.0, 0.4), path=path)
 
 
+def test_going_on_where_the_dead_load_alone_does_not_stand(tmp_path: Path) -> None:
+    """What the file holds is proved anew, about a state with some push."""
+    scene, path = block(1.0, 0.3, TILTED), tmp_path / "domain.json"
+    domain_of(scene, tolerance=0.3, path=path)
+    domain = domain_of(scene, tolerance=0.01, path=path)
+    assert (domain.status, domain.is_proved) == (Status.CERTIFIED, True)
+    assert domain.contains((0, 0)) == "not carried"
+    assert domain.contains((0.3 * np.cos(SLOPE) - np.sin(SLOPE) - 0.05, 0)) == "carried"
+
+
 def test_several_directions_at_once() -> None:
     scene = block(1.0, 0.5)
     with ProcessPoolExecutor(2) as pool:

@@ -192,9 +192,9 @@ def test_every_setting_counts(options: dict[str, Any]) -> None:
 def test_a_version_counts(monkeypatch) -> None:
     from cvxlimit.extensions.studies import identity
 
-    before = identity.row_identity("", stone(), "conic", {})
+    before = identity.row_identity("", stone(), {})
     monkeypatch.setattr(identity, "__version__", "0.0.1")
-    assert identity.row_identity("", stone(), "conic", {}) != before
+    assert identity.row_identity("", stone(), {}) != before
 
 
 class Kept(Method):

@@ -349,7 +349,7 @@ class TestProcesses:
                 return future
 
         grid = {"friction": [0.2, 0.3, 0.4, 0.5]}
-        with pytest.raises(ModelError, match="rows stored in a path are kept"):
+        with pytest.raises(ModelError, match="what is stored in a path is kept"):
             quiet(stone(), grid, executor=Dying(), path=tmp_path / "s")
         assert len(read_sweep(tmp_path / "s")) == 2
         assert len(quiet(stone(), grid, path=tmp_path / "s")) == 4

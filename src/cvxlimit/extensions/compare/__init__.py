@@ -8,5 +8,5 @@ name; ``comparison.py``, the call; ``chart.py``; ``command.py``.
 from cvxlimit.base.doors import Offered
 
 OFFERED: Offered = {
-    "cvxlimit.commands": {"compare": "cvxlimit.extensions.compare.command:compare_command"},
+    "cvxlimit.commands": {"compare": "cvxlimit.extensions.compare.command:CompareCommand"},
 }

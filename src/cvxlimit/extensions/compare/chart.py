@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cvxlimit.extensions.compare.models import Row
+from cvxlimit.plotting.style import Style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,7 +79,7 @@ def draw_time_against_error(
             label=label,
             zorder=4 if own else 3,
         )
-    colours = cycle(("#4aa3a8", "#c77dba", "#c9a227"))
+    colours = cycle(Style.fronts)
     for colour, (truth, group) in zip(colours, groups.items(), strict=False):
         of_which = f", {truth}" if len(groups) > 1 else ""
         front = list(_front(group))
@@ -89,14 +90,14 @@ def draw_time_against_error(
             )  # fmt: skip
         if (floor := max(row.floor for row in group)) > LEAST:
             axes.axhline(
-                floor, color=colour if of_which else "#888888", linestyle=":", linewidth=1.0,
+                floor, color=colour if of_which else Style.axis, linestyle=":", linewidth=1.0,
                 zorder=1, label=f"resolution of the reference{of_which}",
             )  # fmt: skip
     axes.set(xscale="log", yscale="log", title=title)
     axes.set_xlabel("total time (s)")
     axes.set_ylabel("true relative error of the load factor")
     few_ticks(axes.xaxis)
-    axes.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
+    axes.grid(True, which="major", color=Style.grid, linewidth=0.6)
     axes.set_axisbelow(True)
 
 
@@ -114,14 +115,14 @@ def draw_against_facets(axes: Sequence[Axes], rows: Sequence[Row]) -> None:
             y = [_point(row)[of] for row in members]
             ax.plot([row.facets or 0 for row in members], y, label=label, **style(order, label))
         for row in cones:
-            ax.axhline(_point(row)[of], color="#134b73", linestyle="--", label="cone")
+            ax.axhline(_point(row)[of], color=Style.blue, linestyle="--", label="cone")
         ax.set(xscale="log", yscale="log" if of else "linear", xlabel="facets K", ylabel=name)
         ax.set_xticks(every, [str(k) for k in every])
         ax.set_xticks([], minor=True)
-        ax.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
+        ax.grid(True, which="major", color=Style.grid, linewidth=0.6)
     first = max((row for members in lines.values() for row in members), key=lambda r: _point(r)[1])
     scale = _point(first)[1] * (first.facets or 1) ** 2
-    axes[0].plot(every, [scale / k**2 for k in every], ":", color="#888888", label="1 / K\u00b2")
+    axes[0].plot(every, [scale / k**2 for k in every], ":", color=Style.axis, label="1 / K\u00b2")
     axes[0].legend()
     axes[1].set_ylim(bottom=0.0)
 
@@ -129,34 +130,28 @@ def draw_against_facets(axes: Sequence[Axes], rows: Sequence[Row]) -> None:
 def few_ticks(axis: Axis) -> None:
     """Labels at 1, 2 and 5 times powers of ten of a logarithmic axis, or at these powers where
     there is no room; closer where these are less than three."""
+    from matplotlib.ticker import LogLocator, MaxNLocator
+
     low, high = axis.get_view_interval()
-    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
     figure: Any = axis.get_figure(root=True)
     inches = axis.axes.get_window_extent().size / figure.dpi
     most = 1.6 * inches[0] if axis is axis.axes.xaxis else 3.0 * inches[1]
-    for steps in ((1, 2, 5), (1, 3), (1,)):
-        found = [k * 10.0**power for power in range(first, last + 1) for k in steps]
-        inside = [value for value in found if low <= value <= high]
-        if len(inside) <= most:
-            break
-    if len(inside) < 3:
-        from matplotlib.ticker import MaxNLocator
 
-        inside = [
-            v
-            for v in MaxNLocator(max(2, min(5, int(most)))).tick_values(low, high)
-            if low <= v <= high
-        ]
-    axis.set_ticks(inside, [f"{value:,.6g}" for value in inside])
+    def inside(locator: LogLocator | MaxNLocator) -> list[float]:
+        return [float(v) for v in locator.tick_values(low, high) if low <= v <= high]
+
+    for steps in ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
+        found = inside(LogLocator(subs=steps, numticks=1000))
+        if len(found) <= most:
+            break
+    if len(found) < 3:
+        found = inside(MaxNLocator(max(2, min(5, int(most)))))
+    axis.set_ticks(found, [f"{value:,.6g}" for value in found])
     axis.set_ticks([], minor=True)
 
 
 def style(number: int, label: str) -> dict[str, Any]:
-    others = (
-        "#d62246", "#2a9d5c", "#c77f00", "#8b2fc9", "#0f8a97", "#7a5230", "#d04c96", "#7f8f00",
-        "#3b5bdb", "#b45309",
-    )  # fmt: skip
-    colour = "#134b73" if label.startswith(OWN) else "#767d88"
-    if number < len(others) and not label.startswith(OWN):
-        colour = others[number]  # no colour twice: further ones are grey, with their names beside
+    """Returns marker and colour of a line; those of ``OWN`` are blue, and no colour comes twice."""
+    colours = Style.methods[number : number + 1] or (Style.other,)
+    colour = Style.blue if label.startswith(OWN) else colours[0]
     return {"marker": "os^Dv<>phXPd8"[number % 13], "color": colour}

@@ -120,7 +120,6 @@ class Comparison:
     def plot(self, ax: Axes | None = None, **options: Any) -> Figure:
         """Time against true error with the Pareto front, into ``ax`` or a figure of its own.
 
-        Lines are named beside them, or below where a narrow figure has no room for that.
         ``figsize``, ``title`` and ``legend`` are those of :func:`cvxlimit.plotting.picture`.
 
         Raises
@@ -133,11 +132,10 @@ class Comparison:
             raise ModelError("there is nothing to draw: no model has a time and a true error")
         from cvxlimit.plotting.registry import figures
 
-        chart = figures("chart").Chart.of({"ax": ax, **options}, (10.0, 5.2))
+        chart = figures("sheet").Sheet.of((10.0, 5.2), ax=ax, **options)
         draw_time_against_error(chart.axes, self.rows)
         note = f"; {left_out} of {len(self.rows)} models have no figure" if left_out else ""
         chart.write(f"{self.scene_name}: time against true error{note}")
-        chart.name_lines()
         figure: Figure = chart.figure
         return figure
 
@@ -154,7 +152,7 @@ class Comparison:
             raise ModelError("no model has facets: ask for some by compare(scene, facets=[4, 8])")
         from cvxlimit.plotting.registry import figures
 
-        figure: Figure = figures().SceneFigure(figsize=figsize, layout="constrained")
+        figure: Figure = figures("sheet").SceneFigure(figsize=figsize, layout="constrained")
         draw_against_facets(figure.subplots(1, 2), rows)
         figure.suptitle(f"{self.scene_name}: facets in place of the cone", parse_math=False)
         return figure
@@ -232,8 +230,9 @@ def compare(
     check_scene(scene)
     polygons = [] if facets is None else of_facets(facets)
     given = (DEFAULT_MODELS if facets is None else ()) if models is None else models
-    given = [given] if isinstance(given, (str, Method)) else given
-    methods = _methods([*polygons, *given] if isinstance(given, Sequence) else given)
+    is_one = isinstance(given, str) or not isinstance(given, Sequence)
+    several: Any = [given] if is_one else given
+    methods = _methods([*polygons, *several])
     len(scene.contacts)  # faults of the geometry show here, once
     steps = len({question_of(method) for method in methods}) + repeat * len(methods)
     with progress_bar("comparing", steps, progress) as advance:
@@ -246,8 +245,6 @@ def compare(
 
 
 def _methods(models: Sequence[str | Method]) -> list[Method]:
-    if not isinstance(models, Sequence):
-        raise ModelError(f"models must be names or Model objects, got {models!r}")
     known = [*registry().values()]
     result: dict[str, Method] = {}
     for model in models:

@@ -182,10 +182,6 @@ class Model(Method):
     change: Callable[[Scene], Scene] | None = None
 
     def __post_init__(self) -> None:
-        for what in ("name", "line"):
-            text = getattr(self, what)
-            if not isinstance(text, str) or not (text or what == "line"):
-                raise ModelError(f"{what} of a model must be a text, got {text!r}")
         surfaces_of(self.surface)
         if not callable(self.formulation):
             raise ModelError(

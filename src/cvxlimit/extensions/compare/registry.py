@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from functools import partial
-from typing import Any
+from typing import Any, get_args
 
+from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.compare.models import Method, Model
 from cvxlimit.model.crushing import PlasticField
@@ -17,14 +17,11 @@ from cvxlimit.scene import Scene
 from cvxlimit.solvers import SolverSettings, installed, settings_for
 from cvxlimit.solvers.table import SOLVERS
 from cvxlimit.surfaces import Facets, Rocking
-from cvxlimit.surfaces.coulomb import surfaces_of
+from cvxlimit.surfaces.coulomb import SurfaceName, surfaces_of
 
 _QDLDL = "Clarabel qdldl"
 _SAID = {"conic": "cone"}
 """Surfaces that lines of charts call otherwise."""
-
-_SURFACES = ("conic", "parabolic", "octagon", "octagon-inscribed", "16-gon")
-"""Some that are meant where a name is mistyped."""
 
 _APART = {"CLARABEL", "BLOCKWISE", "RESCALED", "HIGHS", "SCS", "GLPK_MI"}
 """Solvers that stand in the registry by themselves, or not at all."""
@@ -165,13 +162,10 @@ def choose(names: Iterable[str], among: Sequence[Method]) -> list[Method]:
     if len(patterns) == 1 and patterns[0] not in own and (made := of_surface(patterns[0])):
         return [made]
     for pattern in patterns:
-        if not any(fnmatchcase(method.name, pattern) for method in among):
-            known = [method.name for method in among]
-            close = [name for name in known if pattern in name][:3]
-            surfaces = get_close_matches(pattern, _SURFACES, 1)
-            close = close or surfaces or get_close_matches(pattern, known, 3, 0.4) or known[:3]
+        if not any(fnmatchcase(name, pattern) for name in own):
+            known = (*own, *get_args(SurfaceName))
             raise ModelError(
-                f"no method matches {pattern!r}: did you mean {' or '.join(close)}? "
-                "* and ? stand for any letters; cvxlimit.compare.registry() has all names"
+                f"no method matches {pattern!r}: * and ? stand for any letters, and "
+                f"cvxlimit.compare.registry() has all names{meant(pattern, known, before='; ')}"
             )
     return [m for m in among if any(fnmatchcase(m.name, pattern) for pattern in patterns)]

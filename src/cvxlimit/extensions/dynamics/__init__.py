@@ -9,7 +9,7 @@ and what its runs agree on; ``pictures.py`` and ``command.py``.
 from cvxlimit.base.doors import Offered
 
 OFFERED: Offered = {
-    "cvxlimit.commands": {"shake": "cvxlimit.extensions.dynamics.command:shake_command"},
+    "cvxlimit.commands": {"shake": "cvxlimit.extensions.dynamics.command:ShakeCommand"},
     "cvxlimit.writers": {".mjcf": "cvxlimit.extensions.dynamics.mjcf:written"},
     "cvxlimit.readings": {
         "shaking_plot": "cvxlimit.extensions.dynamics.pictures:draw_shaking",

@@ -1,7 +1,5 @@
 """``cvxlimit shake``: a structure under a ground acceleration, in time."""
 
-# ruff: noqa: RUF009  # options are field() of dataclasses
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -11,17 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import (
-    EFFORT,
-    OUTPUT,
-    argument,
-    command_of,
-    control_option,
-    named_block,
-    option,
-    rows_option,
-    vector,
-)
+from cvxlimit.cli.options import Command, named_block, vector
 from cvxlimit.cli.report import ExitCode, facts, files_asked, refuse, show, write_rows
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
@@ -34,91 +22,108 @@ _KINDS = dict.fromkeys(IMAGES, "curve") | {".gif": "film", ".mp4": "film"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shaken:
-    """What ``cvxlimit shake`` is asked."""
-
-    scene: str = argument()
-    pulse: str | None = option(
-        "SHAPE:A:T",
-        "Ground acceleration by formula: rectangle, half-sine or sine, of A (in --unit) over T "
-        "seconds, as sine:0.5:1.",
-    )
-    record: Path | None = option(
-        "FILE.csv", "Ground acceleration from a table of time (s) and acceleration (in --unit)."
-    )
-    unit: str | None = option(
-        "UNIT", "Of accelerations: g (of pulses unless given), m/s2, cm/s2, mm/s2, gal; records "
-        "must be told theirs."
-    )  # fmt: skip
-    scale: float = option("S", "Factor on the acceleration.", 1.0)
-    direction: str | None = option(
-        "X,Y,Z", "Along which the ground accelerates; unless given, against the live load."
-    )
-    control: str | None = control_option("the largest")
-    after: float | None = option(
-        "S", "Seconds after the record in which blocks may come to rest.", group=EFFORT
-    )
-    step: float | None = option("S", "The longer step; the other has half of it.", group=EFFORT)
-    csv: Path | None = rows_option("per time and run")
-    plot: Path | None = option(
-        "OUT.png|.gif", "Draw displacement over time (.svg, .pdf as well), or a film (.mp4 as "
-        "well).", group=OUTPUT,
-    )  # fmt: skip
-    frame: Path | None = option("OUT.png", "Draw the blocks at the end.", group=OUTPUT)
-
-
-@command_of(
-    Shaken,
-    "Exit code: 0 all runs agree that it falls, or that it stands; 2 bad input; 4 they do not "
-    "agree, or blocks still move at the end.",
-)
-def shake_command(asked: Shaken) -> ExitCode:
+class ShakeCommand(Command):
     """Move a structure in time under a ground acceleration, by MuJoCo: does it fall, how far does
-    it go."""
-    reads = {} if asked.record is None else {str(asked.record): "the record"}
-    written = files_asked(asked, "csv", reads=reads, plot=[*_KINDS], frame=IMAGES)
-    record = _record(asked)
-    direction = None if asked.direction is None else vector("--direction", asked.direction, "1,0,0")
-    control = named_block(asked.control)
+    it go.
 
-    def shaken(tell: Tell) -> Shaking:
-        return shake(
-            scene_named(asked.scene), record, direction, after=asked.after, control=control,
-            step=asked.step, progress=tell,
-        )  # fmt: skip
+    Model
+    -----
+    pulse : SHAPE:A:T
+        Ground acceleration by formula: rectangle, half-sine or sine, of A (in --unit) over T
+        seconds, as sine:0.5:1.
+    record : FILE.csv
+        Ground acceleration from a table of time (s) and acceleration (in --unit).
+    unit : UNIT
+        Of accelerations: g (of pulses unless given), m/s2, cm/s2, mm/s2, gal; records must be told
+        theirs.
+    scale : S
+        Factor on the acceleration.
+    direction : X,Y,Z
+        Along which the ground accelerates; unless given, against the live load.
+    control : BLOCK:X,Y,Z
+        Block and direction whose displacement is told; unless given, the largest.
 
-    shaking = interruptible(shaken)
-    write_rows(asked.csv, shaking.to_dataframe())
-    if asked.plot is not None:
-        shaking.plot(_KINDS[asked.plot.suffix.lower()], asked.plot)
-    if asked.frame is not None:
-        shaking.plot("frame", asked.frame)
-    rows = [
-        ("scene", shaking.scene.name),
-        ("record", f"{record.name}, largest {record.largest:.4g} m/s2, {record.duration:g} s"),
-        ("in short", shaking.headline),
-        ("note", "a value is that of the best run, with all in parentheses; nothing is proved"),
-    ]
-    show(facts([*rows, *written]), Text(), _table(shaking))
-    if shaking.falls is None:
-        return refuse(ExitCode.NOT_GOOD_ENOUGH, shaking.headline)
-    return ExitCode.SOLVED
+    Effort
+    ------
+    after : S
+        Seconds after the record in which blocks may come to rest.
+    step : S
+        The longer step; the other has half of it.
 
+    Output
+    ------
+    csv : OUT
+        Write a row per time and run.
+    plot : OUT.png|.gif
+        Draw displacement over time (.svg, .pdf as well), or a film (.mp4 as well).
+    frame : OUT.png
+        Draw the blocks at the end.
 
-def _record(asked: Shaken) -> Record:
-    if (asked.pulse is None) == (asked.record is None):
-        raise InputError("give one of --pulse SHAPE:A:T and --record FILE.csv")
-    if asked.record is not None:
-        if asked.unit is None:
-            raise InputError(f"--record {asked.record}: say the --unit of its accelerations, as g")
-        return read_record(asked.record, asked.unit, asked.scale)
-    shape, _, rest = str(asked.pulse).partition(":")
-    try:
-        amplitude, duration = (float(text) for text in rest.split(":"))
-    except ValueError as error:
-        raise InputError(f"--pulse {asked.pulse}: SHAPE:A:T is meant, as sine:0.5:1") from error
-    made = pulse(shape, amplitude, duration, asked.unit or "g")  # type: ignore[arg-type]
-    return made if asked.scale == 1.0 else made.scaled(asked.scale)
+    Exit code
+    ---------
+    0 all runs agree that it falls, or that it stands; 2 bad input; 4 they do not agree, or blocks
+    still move at the end.
+    """
+
+    scene: str
+    pulse: str | None = None
+    record: Path | None = None
+    unit: str | None = None
+    scale: float = 1.0
+    direction: str | None = None
+    control: str | None = None
+    after: float | None = None
+    step: float | None = None
+    csv: Path | None = None
+    plot: Path | None = None
+    frame: Path | None = None
+
+    def run(self) -> ExitCode:
+        reads = {} if self.record is None else {str(self.record): "the record"}
+        written = files_asked(self, "csv", reads=reads, plot=[*_KINDS], frame=IMAGES)
+        record = self._record()
+        control, along = named_block(self.control), self.direction
+        direction = None if along is None else vector("--direction", along, "1,0,0")
+
+        def shaken(tell: Tell) -> Shaking:
+            return shake(
+                scene_named(self.scene), record, direction, after=self.after, control=control,
+                step=self.step, progress=tell,
+            )  # fmt: skip
+
+        shaking = interruptible(shaken)
+        write_rows(self.csv, shaking.to_dataframe())
+        if self.plot is not None:
+            shaking.plot(_KINDS[self.plot.suffix.lower()], self.plot)
+        if self.frame is not None:
+            shaking.plot("frame", self.frame)
+        rows = [
+            ("scene", shaking.scene.name),
+            ("record", f"{record.name}, largest {record.largest:.4g} m/s2, {record.duration:g} s"),
+            ("in short", shaking.headline),
+            ("note", "a value is that of the best run, with all in parentheses; nothing is proved"),
+        ]
+        show(facts([*rows, *written]), Text(), _table(shaking))
+        if shaking.falls is None:
+            return refuse(ExitCode.NOT_GOOD_ENOUGH, shaking.headline)
+        return ExitCode.SOLVED
+
+    def _record(self) -> Record:
+        if (self.pulse is None) == (self.record is None):
+            raise InputError("give one of --pulse SHAPE:A:T and --record FILE.csv")
+        if self.record is not None:
+            if self.unit is None:
+                raise InputError(
+                    f"--record {self.record}: say the --unit of its accelerations, as g"
+                )
+            return read_record(self.record, self.unit, self.scale)
+        shape, _, rest = str(self.pulse).partition(":")
+        try:
+            amplitude, duration = (float(text) for text in rest.split(":"))
+        except ValueError as error:
+            raise InputError(f"--pulse {self.pulse}: SHAPE:A:T is meant, as sine:0.5:1") from error
+        made = pulse(shape, amplitude, duration, self.unit or "g")  # type: ignore[arg-type]
+        return made if self.scale == 1.0 else made.scaled(self.scale)
 
 
 def _table(shaking: Shaking) -> Table:

@@ -9,7 +9,6 @@ import numpy as np
 
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.look import WAY_TEXT, of_kind, printable
-from cvxlimit.plotting.picture import seen
 from cvxlimit.plotting.pictures.animation import Animation, frames_of
 from cvxlimit.plotting.registry import figures
 from cvxlimit.plotting.style import Style
@@ -32,7 +31,7 @@ def draw_shaking(
 
 def curve(shaking: Any, **options: Any) -> Any:
     """A figure of displacement over time, with all runs."""
-    chart = figures("chart").Chart.of(options, (6.4, 4.4))
+    chart = figures("sheet").Sheet.of((6.4, 4.4), **options)
     unit = printable(shaking.scene.units.length)
     colours = Style.amber, Style.violet, Style.green, Style.blue  # the best run last
     for each, colour in zip(shaking.histories, colours, strict=True):
@@ -44,7 +43,6 @@ def curve(shaking: Any, **options: Any) -> Any:
     label = f"displacement ({unit}), {printable(of)}"
     chart.axes.set(xlabel="time (s), the record shaded", ylabel=label)
     chart.write(_title(shaking))
-    chart.write_legend()
     return chart.figure
 
 
@@ -54,15 +52,14 @@ def film(shaking: Any, *, viewer: Viewer = None, **options: Any) -> Animation:
     count = int(np.clip(round(_PER_SECOND * last), _FEWEST, _MOST))
     times = np.linspace(0.0, last, count).tolist()
     drawing, motions = _drawing(shaking, times, viewer)
-    frames = frames_of(drawing, motions, [f"{time:.2f} s" for time in times], options)
+    frames = frames_of(drawing, motions, [f"{time:.2f} s" for time in times], **options)
     return Animation(frames, max(last, count / _PER_SECOND))
 
 
 def frame(shaking: Any, *, time: float | None = None, viewer: Viewer = None, **options: Any) -> Any:
     """A picture of one moment of the best run, its end by itself."""
     drawing, _ = _drawing(shaking, [time], viewer)
-    toolkit = figures()
-    return toolkit.assembled(drawing, seen(drawing), toolkit.Sheet(**options))[0]
+    return figures().drawn(drawing, **options)
 
 
 def _drawing(shaking: Any, times: Any, viewer: Viewer) -> tuple[Drawing, Any]:

@@ -10,20 +10,20 @@ is made of bodies; ``compas_results.py``, the way back; ``command.py``.
 from cvxlimit.base.doors import Offered
 
 OFFERED: Offered = {
-    "cvxlimit.commands": {"import": "cvxlimit.extensions.importing.command:import_command"},
+    "cvxlimit.commands": {"import": "cvxlimit.extensions.importing.command:ImportCommand"},
     "cvxlimit.files": {
         "Imported": "cvxlimit.extensions.importing.reading:Imported",
         "import_geometry": "cvxlimit.extensions.importing.reading:import_geometry",
         "read_bodies": "cvxlimit.extensions.importing.reading:read_bodies",
     },
     "cvxlimit.readers": {
-        ".obj": "cvxlimit.extensions.importing.reading:obj_file",
-        ".json": "cvxlimit.extensions.importing.reading:json_file",
-        ".csv": "cvxlimit.extensions.importing.reading:table_file",
-        ".off": "cvxlimit.extensions.importing.reading:off_file",
+        ".obj": "cvxlimit.extensions.importing.obj:read_obj",
+        ".json": "cvxlimit.extensions.importing.compas:read_json",
+        ".csv": "cvxlimit.extensions.importing.tables:read_table",
+        ".off": "cvxlimit.extensions.importing.off:read_off",
         ".dxf": "cvxlimit.extensions.importing.dxf:read_dxf",
         **dict.fromkeys(
-            (".stl", ".ply", ".glb", ".gltf"), "cvxlimit.extensions.importing.reading:mesh_file"
+            (".stl", ".ply", ".glb", ".gltf"), "cvxlimit.extensions.importing.meshes:read_mesh"
         ),
     },
     "cvxlimit.readings": {

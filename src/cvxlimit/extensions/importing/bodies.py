@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,7 +16,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, EdgeTable, Faces, flipped, linked
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.geometry.shells import Shells, by_shell, nested, volumes
-from cvxlimit.io.fields import one_line
+from cvxlimit.io.fields import decoded, one_line, read_bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +50,23 @@ def read_by_others(kind: str, cure: str) -> Iterator[None]:
         raise InputError(f"cannot be read as {kind} ({reason}); {cure}") from error
 
 
+def lines_of(path: Path) -> Iterator[tuple[int, str]]:
+    """The numbered lines of a text that say something: a # begins a comment, and a backslash at the
+    end of a line joins the next to it."""
+    begun = ""
+    for number, line in enumerate(decoded(read_bytes(path)).splitlines(), 1):
+        line = begun + line.split("#", 1)[0].strip()
+        begun = f"{line[:-1]} " if line.endswith("\\") else ""
+        if line and not begun:
+            yield number, line
+    if begun.strip():
+        yield number, begun.strip()
+
+
 def natural(name: str) -> list[tuple[bool, int, str]]:
-    parts: list[str] = []
-    for character in name:
-        if parts and parts[-1][-1].isdecimal() == character.isdecimal():
-            parts[-1] += character
-        else:
-            parts.append(character)
-    return [(p.isdecimal(), int(p) if p.isdecimal() else 0, p) for p in parts]
+    """A key for sorting by which "b2" comes before "b10"; of numbers the longer are larger."""
+    parts = [(part.isdecimal(), part.lstrip("0")) for part in re.findall(r"\d+|\D+", name)]
+    return [(is_number, len(part) if is_number else 0, part) for is_number, part in parts]
 
 
 def merged(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
@@ -85,10 +95,12 @@ def separated(body: Body) -> list[Body]:
     of stone. A shell within another is its cavity and stays with it, if their faces go round in
     opposite ways. Shells that are not closed stay together, for a repair to try.
     """
-    if body.is_box or not len(body.faces) or _is_one_shell(body.faces):
+    if body.is_box or not len(body.faces):
         return [body]
     if min(map(len, body.faces)) < 3 or not np.isfinite(body.vertices).all():
         return [body]  # whoever builds the block says what is wrong
+    if _is_one_shell(body.faces):
+        return [body]
     points, place = np.unique(body.vertices + 0.0, axis=0, return_inverse=True)
     place = np.asarray(place).reshape(-1)
     try:
@@ -108,19 +120,9 @@ def separated(body: Body) -> list[Body]:
 
 def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
     """True if every edge has two faces and all hang together: nearly always, and quickly told."""
-    if len(faces) > 64:  # up to there plain Python is faster than arrays
-        return False
-    at: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for number, face in enumerate(faces):
-        for i, k in zip(face, (*face[1:], face[0]), strict=True):
-            at[min(i, k), max(i, k)].append(number)
-    if any(len(two) != 2 for two in at.values()):
-        return False
-    shell = list(range(len(faces)))
-    for one, other in at.values():
-        if shell[one] != shell[other]:
-            shell = [shell[one] if x == shell[other] else x for x in shell]
-    return len(set(shell)) == 1
+    table = EdgeTable.of(faces)
+    one, other = (table.face[side] for side in table.twins())
+    return bool((table.uses == 2).all()) and not linked(len(faces), one, other).any()
 
 
 def _part(body: Body, faces: IntArray, name: str) -> Body:

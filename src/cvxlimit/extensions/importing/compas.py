@@ -13,14 +13,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.importing.bodies import Body
-from cvxlimit.io.fields import mapping, number, shown
+from cvxlimit.extensions.importing.bodies import Body, natural
+from cvxlimit.io.fields import mapping, number, parsed, read_bytes, shown
 
 _WRAPPERS = ("data", "value")
 
@@ -89,12 +90,25 @@ def _listed(value: object, bodies: Callable[[Any], list[Body]]) -> list[Body]:
     ]
 
 
+def read_json(path: Path, notes: list[str]) -> list[Body]:
+    """The blocks of a file of COMPAS."""
+    document = parsed(read_bytes(path))
+    if isinstance(document, dict) and document.get("format") == "cvxlimit-scene":
+        raise InputError("this is a scene already: solve it, there is nothing to import")
+    if not is_compas(document):
+        raise InputError(
+            "this JSON holds no blocks that are known: neither a 'dtype' of COMPAS nor, as its "
+            "versions before 1 write them, 'assembly' beside 'blocks', or 'vertex' beside 'face'"
+        )
+    return read_compas(document)
+
+
 def read_compas(document: object) -> list[Body]:
     if isinstance(document, list):
         return _listed(document, read_compas)
     content = _content(document)
     if "assembly" in content and "blocks" in content:
-        return list(_of_network(content))
+        return _of_network(content)
     if "vertex" in content and "face" in content:
         return [_block("", content, None, None)]
     if "elements" in content:
@@ -106,23 +120,24 @@ def read_compas(document: object) -> list[Body]:
             "the COMPAS file has neither elements nor a graph of blocks: write an assembly or a "
             "block model"
         )
-    return list(_of_assembly(nodes))
+    return _of_assembly(nodes)
 
 
-def _of_assembly(nodes: Mapping[str, Any]) -> Iterator[Body]:
+def _of_assembly(nodes: Mapping[str, Any]) -> list[Body]:
     marked = any(isinstance(n, dict) and n.get("is_support") for n in nodes.values())
-    for key in sorted(nodes, key=_by_number):
-        node = nodes[key]
+    result = []
+    for key, node in sorted(nodes.items(), key=lambda item: natural(item[0])):
         if not isinstance(node, dict) or node.get("block") is None:
             raise InputError(f"node {shown(key)} of the assembly has no block")
         mesh = _content(node["block"])
         attributes = mesh.get("attributes")
         own = attributes.get("density") if isinstance(attributes, dict) else None
-        stated = node.get("density", own)
-        yield _block(key, mesh, bool(node.get("is_support")) if marked else None, stated)
+        support = bool(node.get("is_support")) if marked else None
+        result.append(_block(key, mesh, support, node.get("density", own)))
+    return result
 
 
-def _of_network(content: Mapping[str, Any]) -> Iterator[Body]:
+def _of_network(content: Mapping[str, Any]) -> list[Body]:
     """Reads a network as COMPAS 0.x writes it; its networks call nodes vertices, in some
     versions."""
     network = mapping(content["assembly"], "the assembly")
@@ -132,12 +147,12 @@ def _of_network(content: Mapping[str, Any]) -> Iterator[Body]:
     if lost or not blocks:
         raise InputError(f"node {shown(lost[0])} of the assembly has no block" if lost else
                          "the assembly has no blocks")  # fmt: skip
-    known = {key: mapping(nodes.get(key, {}), f"node {shown(key)}") for key in blocks}
-    marked = any(node.get("is_support") for node in known.values())
-    for key in sorted(blocks, key=_by_number):
-        mesh = mapping(blocks[key], f"block {shown(key)}")
-        yield _block(key, mesh, bool(known[key].get("is_support")) if marked else None,
-                     known[key].get("density"))  # fmt: skip
+    return _of_assembly(
+        {
+            key: {**mapping(nodes.get(key, {}), f"node {shown(key)}"), "block": block}
+            for key, block in blocks.items()
+        }
+    )
 
 
 def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
@@ -146,7 +161,9 @@ def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
     densities = {key: _content(value).get("density") for key, value in materials.items()}
     marked = any(_content(element).get("is_support") for element in elements.values())
     whole = _transformation(content.get("transformation"), "the block model")
-    placed = dict(_tree(content, elements, whole))
+    tree = content.get("tree")
+    root = tree.get("root") if isinstance(tree, dict) else None
+    placed = dict(_tree(root, elements, whole)) if isinstance(root, dict) else {}
     for number_, key in enumerate(elements):
         element = _content(elements[key])
         name = str(number_)
@@ -169,25 +186,19 @@ def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
 
 
 def _tree(
-    content: Mapping[str, Any], elements: Mapping[str, Any], whole: FloatArray
+    node: Mapping[str, Any], elements: Mapping[str, Any], above: FloatArray, depth: int = 0
 ) -> Iterator[tuple[str, FloatArray]]:
-    tree = content.get("tree")
-    root = tree.get("root") if isinstance(tree, dict) else None
-    todo = [(root, whole, 0)] if isinstance(root, dict) else []
-    seen = 0
-    while todo:
-        node, transformation, depth = todo.pop()
-        seen += 1
-        if depth > _DEEPEST or seen > 10 * len(elements) + 10:
-            raise InputError("groups of the block model are nested too deeply; flatten them")
-        key = node.get("element")
-        if isinstance(key, str) and key in elements:
-            yield key, transformation
-            own = _content(elements[key]).get("transformation")
-            transformation = transformation @ _transformation(own, f"element {shown(key)}")
-        children = node.get("children") or []
-        if isinstance(children, list):
-            todo += [(c, transformation, depth + 1) for c in children if isinstance(c, dict)]
+    """Where the elements of a tree of groups are placed, without their own transformations."""
+    if depth > _DEEPEST:
+        raise InputError("groups of the block model are nested too deeply; flatten them")
+    key, children = node.get("element"), node.get("children")
+    if isinstance(key, str) and key in elements:
+        yield key, above
+        own = _content(elements[key]).get("transformation")
+        above = above @ _transformation(own, f"element {shown(key)}")
+    for child in children if isinstance(children, list) else ():
+        if isinstance(child, dict):
+            yield from _tree(child, elements, above, depth + 1)
 
 
 def _block(
@@ -245,7 +256,3 @@ def _content(value: object) -> dict[str, Any]:
             return value
         value = inner
     raise InputError(f"a COMPAS object must be an object {{...}}, got {shown(value)}")
-
-
-def _by_number(key: str) -> tuple[int, int | str]:
-    return (0, int(key)) if key.isdecimal() and len(key) < 20 else (1, key)

@@ -24,10 +24,6 @@ from cvxlimit.geometry.mesh import polygon_vectors
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.scene import Scene
 
-_SAMPLE = 2_000
-"""Different numbers of a file, about, whose digits are counted: all are written in one format, and
-among so many some do not end in zeros by chance."""
-
 _FEW = 9
 """Numbers with fewer digits may have been cut; doubles written in full have 15 to 17."""
 
@@ -76,14 +72,13 @@ def is_single(bodies: Sequence[Body]) -> bool:
 
 
 def _digits(values: FloatArray) -> int:
-    """The most significant digits that a number among the values has; of many, a sample is asked.
+    """The most significant digits that a number among the values has.
 
     >>> _digits(np.array([[1200.0, 0.25, 3.125]]))
     4
     """
-    different = np.unique(values)
-    some = different[:: max(1, len(different) // _SAMPLE)].tolist()
-    return max((len(Decimal(repr(x)).normalize().as_tuple().digits) for x in some), default=0)
+    different = np.unique(values).tolist()
+    return max((len(Decimal(repr(x)).normalize().as_tuple().digits) for x in different), default=0)
 
 
 def _last_place(x: float, digits: int) -> float:
@@ -104,7 +99,7 @@ one."""
 def with_noise(
     scene: Scene,
     bodies: Sequence[Body],
-    block_with_tolerance: Callable[[Body, float], Block],
+    blocks_with_tolerance: Callable[[float], tuple[Block, ...]],
     notes: list[str],
 ) -> Scene:
     """The scene; or, where its contacts are refused and faces are warped, as by noise, the one with
@@ -112,16 +107,17 @@ def with_noise(
 
     The tolerance is four times the warp: twice, because the mean plane of a face follows its
     corners, which have moved by more than they lie off it; and twice again, because a joint has
-    two such sides. ``block_with_tolerance`` makes the block of a body anew, for a given tolerance.
+    two such sides. ``blocks_with_tolerance`` makes the blocks anew, for a given tolerance.
     """
+    if scene.joint_tolerance is not None:
+        return scene
     warp = max(map(warped, bodies), default=0.0)
     usual = min(block.joint_tolerance for block in scene.blocks)
     wider = 4.0 * warp
     if not usual < wider <= NOISIEST * usual or _contacts_are_found(scene):
         return scene
     try:
-        blocks = tuple(block_with_tolerance(body, wider) for body in bodies)
-        rough = replace(scene, blocks=blocks, joint_tolerance=wider)
+        rough = replace(scene, blocks=blocks_with_tolerance(wider), joint_tolerance=wider)
         is_mended = _contacts_are_found(rough)
     except InputError:
         is_mended = False

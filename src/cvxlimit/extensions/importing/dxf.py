@@ -14,6 +14,7 @@ import logging
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,9 @@ _SKIPPED = {
 }  # fmt: skip
 """Entities that bound nothing by themselves."""
 
+
+_OUTLINES = ("LWPOLYLINE", "POLYLINE", "SOLID", "TRACE")
+"""Entities that are a closed outline, or may be."""
 
 _UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 14: "dm"}
 """Units of length by their numbers in ``$INSUNITS``; 0 is none."""
@@ -145,37 +149,28 @@ def _check_size(document: Any) -> None:
 def _bodies(entities: Iterable[Any], hidden: Counter[str]) -> list[Body]:
     solids: list[tuple[str, Polygons]] = []
     loose: dict[str, list[FloatArray]] = defaultdict(list)
-    left_open, outlines = "", Counter[str]()
+    left_open, outlines = "", Counter[str]()  # closed polylines among the loose faces
+    # What encloses a volume by itself, and the loose faces of each layer.
     for entity in entities:
         layer, kind = str(entity.dxf.get("layer", "0")), entity.dxftype()
         if kind in _SKIPPED:
             continue
         if kind == "3DFACE":
             loose[layer].append(np.array([v.xyz for v in entity.wcs_vertices()]))
-        elif kind in ("SOLID", "TRACE"):
-            outline = np.array(
-                [v.xyz for v in entity.vertices()]
-            )  # 1 2 4 3 in the file, 1 2 3 4 here
-            _add_outline(entity, outline, solids, loose, layer)
-        elif kind in ("LWPOLYLINE", "POLYLINE") and not _is_mesh(entity):
-            closed = _outline(entity)
-            if closed is None:
-                left_open = left_open or f", but an open polyline on layer {shown(layer)}"
-                continue
-            before = len(loose[layer])
-            _add_outline(entity, closed, solids, loose, layer)
-            outlines[layer] += len(loose[layer]) - before
-        else:
+        elif kind not in _OUTLINES or _is_mesh(entity):
             solids += [(layer, polygons) for polygons in _meshes(entity, kind, layer)]
+        elif (outline := _outline(entity)) is None:
+            left_open = left_open or f", but an open polyline on layer {shown(layer)}"
+        elif (made := _prism(entity, outline)) is not None:
+            solids.append((layer, made))
+        else:
+            loose[layer].append(_in_space(entity, outline))
+            outlines[layer] += kind in ("LWPOLYLINE", "POLYLINE")
+    # The faces of a layer together; what bodies they are of is told afterwards.
     for layer, faces in loose.items():
-        if not faces:
-            continue
         _check_outlines(layer, faces, outlines[layer])
-        points = np.concatenate(faces)
-        ends = np.cumsum([len(face) for face in faces])[:-1]
-        solids.append(
-            (layer, (points, [x.tolist() for x in np.split(np.arange(len(points)), ends)]))
-        )
+        numbers = iter(range(sum(map(len, faces))))
+        solids.append((layer, (np.concatenate(faces), [[*islice(numbers, len(f))] for f in faces])))
     if not solids:
         left_open += f", but {_left_out(hidden)}" if hidden.total() else ""
         raise InputError(
@@ -219,31 +214,29 @@ def _is_mesh(entity: Any) -> bool:
     return entity.dxftype() == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh)
 
 
-def _add_outline(
-    entity: Any,
-    outline: FloatArray,
-    solids: list[tuple[str, Polygons]],
-    loose: dict[str, list[FloatArray]],
-    layer: str,
-) -> None:
-    """The prism over a closed outline in the plane of its entity; without a thickness its face."""
+def _in_space(entity: Any, outline: FloatArray) -> FloatArray:
+    """The corners of an outline, which most entities give in a plane of their own."""
+    if entity.dxftype() == "POLYLINE" and not entity.is_2d_polyline:
+        return outline
+    return np.array([entity.ocs().to_wcs(tuple(point)) for point in outline.tolist()])
+
+
+def _prism(entity: Any, outline: FloatArray) -> Polygons | None:
+    """The prism over an outline in a plane; None without a thickness."""
     height = float(entity.dxf.get("thickness", 0.0))
-    is_flat = entity.dxftype() != "POLYLINE" or entity.is_2d_polyline
-    system = entity.ocs()
-    if is_flat:
-        outline = np.array([system.to_wcs(tuple(p)) for p in outline.tolist()])
-    if not height or not is_flat:
-        loose[layer].append(outline)
-        return
-    up = height * np.array(system.to_wcs((0.0, 0.0, 1.0)))
-    k = len(outline)
+    if not height or (entity.dxftype() == "POLYLINE" and not entity.is_2d_polyline):
+        return None
+    points, k = _in_space(entity, outline), len(outline)
+    up = height * np.array(entity.ocs().to_wcs((0.0, 0.0, 1.0)))
     sides = [[i, (i + 1) % k, k + (i + 1) % k, k + i] for i in range(k)]
     faces = [list(range(k))[::-1], list(range(k, 2 * k)), *sides]
-    solids.append((layer, (np.vstack([outline, outline + up]), faces)))
+    return np.vstack([points, points + up]), faces
 
 
 def _outline(entity: Any) -> FloatArray | None:
     """Corners of a closed polyline in its own plane, arcs cut into chords; None if it is open."""
+    if entity.dxftype() in ("SOLID", "TRACE"):  # 1 2 4 3 in the file, 1 2 3 4 here
+        return np.array([v.xyz for v in entity.vertices()])
     if entity.dxftype() == "LWPOLYLINE":
         height = float(entity.dxf.elevation)
         rows = [(x, y, height, bulge) for x, y, bulge in entity.get_points("xyb")]

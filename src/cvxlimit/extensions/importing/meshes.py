@@ -24,15 +24,13 @@ from cvxlimit.errors import InputError
 from cvxlimit.extensions.importing.bodies import Body, merged, natural, read_by_others
 from cvxlimit.io.fields import parsed, read_bytes, shown
 
-MESHES = (".stl", ".ply", ".glb", ".gltf")
-
 _QUIET = logging.NullHandler()
 
 _MADE_UP = re.compile(r"geometry_\d+")
 """Names that trimesh gives to what has none."""
 
 
-def read_mesh(path: Path) -> list[Body]:
+def read_mesh(path: Path, notes: list[str]) -> list[Body]:
     """The meshes of an STL, PLY, GLB or glTF file, each moved to its place; not yet separated into
     bodies, which one mesh may hold several of."""
     what = f"{path.suffix} files (.obj, .json and .csv work without)"

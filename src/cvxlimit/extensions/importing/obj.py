@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.importing.bodies import Body, with_faces
+from cvxlimit.extensions.importing.bodies import Body, lines_of, with_faces
 from cvxlimit.io.fields import shown
 
 _NOT_GEOMETRY = {
@@ -31,11 +32,11 @@ class _Part:
     faces: list[list[int]] = field(default_factory=list)
 
 
-def read_obj(text: str) -> list[Body]:
+def read_obj(path: Path, notes: list[str]) -> list[Body]:
     """The objects of an OBJ file; its groups where it has no more than one object."""
     vertices: list[list[float]] = []
     parts = [_Part(0, "", "")]
-    for number, line in _lines(text):
+    for number, line in lines_of(path):
         key, *words = line.split()
         if key == "v":
             vertices.append(_coordinates(words, number))
@@ -62,19 +63,6 @@ def _blocks(parts: list[_Part]) -> Iterator[tuple[str, list[list[int]]]]:
         key, name = (part.object, part.name) if by_object else (part.group, part.group or part.name)
         blocks.setdefault(key, (name, []))[1].extend(part.faces)
     yield from blocks.values()
-
-
-def _lines(text: str) -> Iterator[tuple[int, str]]:
-    begun = ""
-    for number, line in enumerate(text.splitlines(), 1):
-        line = begun + line.split("#", 1)[0].strip()
-        begun = ""
-        if line.endswith("\\"):
-            begun = line[:-1] + " "
-        elif line:
-            yield number, line
-    if begun.strip():
-        yield number, begun.strip()
 
 
 def _coordinates(words: list[str], number: int) -> list[float]:

@@ -5,34 +5,30 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import positive
 from cvxlimit.base.doors import Door
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.extensions.importing.bodies import Body, natural, separated
-from cvxlimit.extensions.importing.compas import bodies_of, is_compas, is_object, read_compas
+from cvxlimit.extensions.importing.compas import bodies_of, is_object
 from cvxlimit.extensions.importing.digits import is_single, too_few_digits, with_noise
-from cvxlimit.extensions.importing.meshes import read_mesh
-from cvxlimit.extensions.importing.obj import read_obj
-from cvxlimit.extensions.importing.off import read_off
 from cvxlimit.extensions.importing.sheets import is_sheet, with_slabs
 from cvxlimit.extensions.importing.supports import LOWEST, refuse_all_lowest, supports_of
-from cvxlimit.extensions.importing.tables import read_table
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io.fields import (
     LARGEST_NUMBER,
-    decoded,
     file_prefix,
     one_line,
-    parsed,
-    read_bytes,
     refusals,
     shown,
 )
@@ -67,20 +63,11 @@ class Imported:
 
 
 def import_geometry(
-    paths: Any,
-    *,
-    length_unit: str,
-    up: str,
-    friction: float,
-    live: ArrayLike | Load,
-    density: float | None = None,
-    density_factor: float | None = None,
-    supports: str | Sequence[str] | None = None,
-    force_unit: str = "kN",
-    joint_tolerance: float | None = None,
-    name: str | None = None,
-    to_unit: str | None = None,
-) -> Imported:
+    paths: Any, *, length_unit: str, up: str, friction: float, live: ArrayLike | Load,
+    density: float | None = None, density_factor: float | None = None,
+    supports: str | Sequence[str] | None = None, force_unit: str = "kN",
+    joint_tolerance: float | None = None, name: str | None = None, to_unit: str | None = None,
+) -> Imported:  # fmt: skip
     """A scene from OBJ, STL, PLY, glTF, OFF, DXF, COMPAS or CSV files.
 
     Every object of an OBJ file is a block (every group where there is one object), every node of a
@@ -145,78 +132,75 @@ def import_geometry(
     ('ground-tower',)
     """
     with refusals():
-        if up not in AXES:
-            raise InputError(f"up must be x, y or z, got {up!r}")
+        notes, axis = list[str](), _axis(up)
         if joint_tolerance is not None:
             positive(joint_tolerance, "joint_tolerance")
-        notes, own = list[str](), is_object(paths)
-        files = [] if own else _files(paths)
-        bodies = _unique(bodies_of(paths) if own else _read(files, notes), notes)
+        # 1. What files or objects hold, under names of their own.
+        files = [] if is_object(paths) else _files(paths)
+        bodies = _unique(_read(files, notes) if files else bodies_of(paths), notes)
         _check_coordinates(bodies)
         blurred, is_single_precision = too_few_digits(bodies), is_single(bodies)
-        notes += _other_units(bodies, length_unit)
-        bodies, unit = _converted(bodies, length_unit, to_unit)
-        bodies = _with_densities(
-            bodies,
-            density,
-            density_factor,
-            own or any(file.suffix.lower() == ".json" for file in files),
-            notes,
-        )
-        if len(unstated(bodies, density, supports)) > 1:
-            raise InputError(
-                "no file marks supports or states densities: say which blocks are fixed "
-                "(--supports lowest, or their ids with commas between them), and give --density "
-                "(weight per volume)"
-            )
-        axis = np.eye(3)[AXES.index(up)]
-        try:
+        # 2. In the unit asked for, with weights per volume.
+        bodies = _converted(bodies, length_unit, to_unit, notes)
+        is_mass = not files or any(file.suffix.lower() == ".json" for file in files)
+        bodies = _with_densities(bodies, density, density_factor, is_mass, supports, notes)
+        # 3. Which are fixed; all as blocks.
+        with _blamed_on(blurred):
             fixed = supports_of(bodies, supports, axis, notes)
             bodies = with_slabs(bodies, fixed, notes)
+            made = partial(_blocks, bodies, fixed)
             with refusals(file_prefix(files[0]) if len(files) == 1 else ""):
-                blocks = tuple(_block(body, body.name in fixed, joint_tolerance) for body in bodies)
+                blocks = made(joint_tolerance)
             if supports == LOWEST:
                 refuse_all_lowest(bodies, fixed, axis)
-        except InputError as error:
-            if blurred:
-                error.args = (f"{blurred} ({error})",)
-            raise
         if blurred and is_single_precision:  # round numbers in a text may just be round
             notes.append(blurred)
-        down = tuple((-axis + 0.0).tolist())
+        # 4. The scene, with joints as wide as the files are rough.
         scene = Scene(
             blocks=blocks,
             supports=tuple(body.name for body in bodies if body.name in fixed),
             live=live if isinstance(live, Load) else Load(acceleration=live),  # type: ignore[arg-type]
-            dead=Load(gravity=down),
+            dead=Load(gravity=tuple((-axis + 0.0).tolist())),
             friction=friction,
-            units=Units(unit, force_unit),
-            name=name or (str(getattr(paths, "name", "compas")) if own else files[0].stem),
+            units=Units(to_unit or length_unit, force_unit),
+            name=name or (files[0].stem if files else str(getattr(paths, "name", "compas"))),
             joint_tolerance=joint_tolerance,
         )
-        if joint_tolerance is None:
-            scene = with_noise(
-                scene, bodies, lambda body, wider: _block(body, body.name in fixed, wider), notes
-            )
+        scene = with_noise(scene, bodies, made, notes)
         notes += _strange_density(scene)
         return Imported(scene, tuple(map(str, files)), tuple(notes))
 
 
-def _converted(bodies: list[Body], given: str, asked: str | None) -> tuple[list[Body], str]:
+def _axis(up: str) -> FloatArray:
+    if up not in AXES:
+        raise InputError(f"up must be x, y or z, got {up!r}")
+    return np.eye(3)[AXES.index(up)]
+
+
+@contextmanager
+def _blamed_on(blurred: str) -> Iterator[None]:
+    """Lead a refusal by what is wrong with the numbers of the files, if anything is."""
+    try:
+        yield
+    except InputError as error:
+        if blurred:
+            error.args = (f"{blurred} ({error})",)
+        raise
+
+
+def _converted(bodies: list[Body], given: str, asked: str | None, notes: list[str]) -> list[Body]:
+    """The bodies in the unit that is asked for; noted is each unit that a file states and that is
+    not the one given."""
+    units = Counter(body.unit for body in bodies if body.unit not in (None, given))
+    notes += [
+        f"the unit of {number} block{'s' * (number > 1)} is {unit} in the file, and {given} is "
+        "what was asked for: check --length-unit"
+        for unit, number in sorted(units.items())
+    ]
     if asked is None:
-        return bodies, given
+        return bodies
     times = _metres(given) / _metres(asked)
-    return [replace(body, vertices=times * body.vertices) for body in bodies], asked
-
-
-def _other_units(bodies: Sequence[Body], given: str) -> Iterator[str]:
-    """Yields a sentence for each unit that a file states and that is not the one given."""
-    for unit in sorted({body.unit for body in bodies if body.unit not in (None, given)} - {None}):
-        number = sum(body.unit == unit for body in bodies)
-        yield (
-            f"the unit of {number} block{'s' * (number > 1)} is {unit} in the file, and "
-            f"{given} is what was asked for: check --length-unit"
-        )
+    return [replace(body, vertices=times * body.vertices) for body in bodies]
 
 
 def _metres(unit: str) -> float:
@@ -264,14 +248,8 @@ def sketch(error: GeometryError) -> Scene | None:
         faces := tuple(tuple(face) for face in body.faces if len(set(face)) > 2)
     ):
         return None
-    block = Block(
-        id=body.name,
-        vertices=body.vertices,
-        faces=faces,
-        density=0.0,
-        volume=1.0,
-        centroid=body.vertices.mean(axis=0),
-    )
+    middle = body.vertices.mean(axis=0)
+    block = Block(body.name, body.vertices, faces, density=0.0, volume=1.0, centroid=middle)
     turning = Load(forces={body.name: (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)})  # a scene needs some load
     below = replace(block, id=f"{body.name} below")  # and a support, neither of which is drawn
     scene = Scene((block, below), (below.id,), turning, name=body.name)
@@ -301,30 +279,6 @@ def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) ->
         return [part for body in bodies for part in separated(body)]
 
 
-def _of_text(read: Callable[[str], list[Body]]) -> Callable[[Path, list[str]], list[Body]]:
-    """Returns the reader of files whose text one reads."""
-    return lambda path, notes: read(decoded(read_bytes(path)))
-
-
-obj_file, off_file, table_file = map(_of_text, (read_obj, read_off, read_table))
-
-
-def mesh_file(path: Path, notes: list[str]) -> list[Body]:
-    return read_mesh(path)
-
-
-def json_file(path: Path, notes: list[str]) -> list[Body]:
-    document = parsed(read_bytes(path))
-    if isinstance(document, dict) and document.get("format") == "cvxlimit-scene":
-        raise InputError("this is a scene already: solve it, there is nothing to import")
-    if not is_compas(document):
-        raise InputError(
-            "this JSON holds no blocks that are known: neither a 'dtype' of COMPAS nor, as its "
-            "versions before 1 write them, 'assembly' beside 'blocks', or 'vertex' beside 'face'"
-        )
-    return read_compas(document)
-
-
 READERS: Mapping[str, Callable[[Path, list[str]], list[Body]]] = Door("cvxlimit.readers")
 """Reader by suffix, of a file and the notes on what it leaves out; those of other distributions
 among them."""
@@ -349,8 +303,6 @@ def _files(paths: Paths) -> list[Path]:
             continue
         visible = [p for p in path.iterdir() if not p.name.startswith(".")]
         inside = sorted(visible, key=lambda p: natural(p.name))
-        if len(inside) > 100_000:  # more is a mistake
-            raise InputError(f"{path}: {len(inside)} files are too many; split the folder")
         known = [p for p in inside if p.suffix.lower() in READERS]
         strange = [p for p in inside if p not in known and p.suffix.lower() not in _IGNORED]
         if not known or strange:
@@ -402,8 +354,11 @@ def _with_densities(
     density: float | None,
     factor: float | None,
     is_mass: bool,
+    supports: str | Sequence[str] | None,
     notes: list[str],
 ) -> list[Body]:
+    """The bodies with weights per volume; where ``supports`` lack as well, one refusal names
+    both."""
     stated = [body for body in bodies if body.density is not None]
     if density is not None:
         if stated:
@@ -414,6 +369,11 @@ def _with_densities(
             f"block {stated[0].name!r} has density {stated[0].density:g} in the file, as a rule "
             "kg/m3 there: say what turns it into weight per volume (--density-factor 0.00981 "
             "for kg/m3 to kN/m3), or give --density"
+        )
+    if len(unstated(bodies, density, supports)) > 1:
+        raise InputError(
+            "no file marks supports or states densities: say which blocks are fixed (--supports "
+            "lowest, or their ids with commas between them), and give --density (weight per volume)"
         )
     times = 1.0 if factor is None else factor
     return [
@@ -430,6 +390,10 @@ def unstated(
     loose = [body for body, fixed in zip(bodies, is_fixed, strict=True) if not fixed]
     lacks = density is None and any(body.density is None for body in loose)
     return ["supports"] * (supports is None and len(loose) == len(bodies)) + ["density"] * lacks
+
+
+def _blocks(bodies: Sequence[Body], fixed: set[str], tolerance: float | None) -> tuple[Block, ...]:
+    return tuple(_block(body, body.name in fixed, tolerance) for body in bodies)
 
 
 def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:

@@ -8,21 +8,23 @@ from __future__ import annotations
 import csv
 import io
 import re
+from pathlib import Path
 
 import numpy as np
 
 from cvxlimit.base.checks import first_twice
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.importing.bodies import Body
-from cvxlimit.io.fields import shown
+from cvxlimit.io.fields import decoded, read_bytes, shown
 
 CORNERS = ("xmin", "ymin", "zmin", "xmax", "ymax", "zmax")
 OPTIONAL = ("density", "support")
 
 
-def read_table(text: str) -> list[Body]:
+def read_table(path: Path, notes: list[str]) -> list[Body]:
     """The boxes of a table, whose first row names the columns; cells are parted by what is found
     in that row: commas, semicolons or tabs."""
+    text = decoded(read_bytes(path))
     try:
         dialect: type[csv.Dialect] = csv.Sniffer().sniff(text.split("\n", 1)[0], ",;\t")
     except csv.Error:

@@ -31,7 +31,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, not_negative, ratio
-from cvxlimit.base.workers import processes
+from cvxlimit.base.search import processes
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.interaction.branching.search import BranchAndBound
 from cvxlimit.extensions.interaction.flow import InteractionFlow

@@ -1,4 +1,9 @@
-"""Solutions with certified interaction, proved again."""
+"""Solutions with certified interaction, proved again: what the method adds at ``cvxlimit.checks``.
+
+The lower bound rests on forces inside Eq. 30, to which reference states inside are sought anew; the
+upper one on a mechanism of the convex relaxation. What branch and bound has raised further rests on
+its tree, which no file holds: that is said.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +18,8 @@ from cvxlimit.extensions.interaction.restriction.lower_bound import (
 )
 from cvxlimit.methods.wedging import without_limit
 from cvxlimit.proof.admissible import INSIDE, carried_exactly
-from cvxlimit.proof.checks import Check
-from cvxlimit.proving.derived import why_above
+from cvxlimit.proof.checks import Check, proved
+from cvxlimit.proving.derived import rests_on_a_tree
 from cvxlimit.proving.solutions import ProvedAgain, known_or_asked
 from cvxlimit.readings.named import parse_moments, reading_of
 from cvxlimit.solution import Status
@@ -54,9 +59,8 @@ def _cannot_stand(again: ProvedAgain) -> Check:
     alone = run.auxiliary_run(run.assemblage.alone(dead))
     if again.mechanism is not None:
         UpperBound(alone).offer(again.mechanism)
-    is_met = alone.best.bracket.upper < 0.5
-    found = "by the mechanism" if is_met else why_above(again.solution, "no proof")
-    return Check(check.claim, is_met, found)
+    but = f"no proof{rests_on_a_tree(again.solution)}"
+    return proved(check.claim, alone.best.bracket.upper < 0.5, but, "by the mechanism")
 
 
 def _harmless_inside(again: ProvedAgain) -> Check:
@@ -67,5 +71,5 @@ def _harmless_inside(again: ProvedAgain) -> Check:
     found = None
     if again.forces is not None and again.carries_live(again.forces):
         found = carried_exactly(loaded, strength, again.forces, INSIDE, central_states)
-    return Check(claim, found is not None, "forces strictly inside Eq. 30 carry it alone"
-                 if found is not None else "the forces do not carry it alone")  # fmt: skip
+    by = "forces strictly inside Eq. 30 carry it alone"
+    return proved(claim, found is not None, "the forces do not carry it alone", by)

@@ -13,7 +13,7 @@ and ``refusing.py``; ``increment.py``, one convex step; ``resting.py``, iterates
 from cvxlimit.base.doors import Offered
 
 OFFERED: Offered = {
-    "cvxlimit.commands": {"pushover": "cvxlimit.extensions.paths.command:pushover_command"},
+    "cvxlimit.commands": {"pushover": "cvxlimit.extensions.paths.command:PushoverCommand"},
     "cvxlimit.documents": {"path": "cvxlimit.extensions.paths.files:PATH"},
     "cvxlimit.files": {
         "read_path": "cvxlimit.extensions.paths.files:read_path",

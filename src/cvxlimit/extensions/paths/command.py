@@ -1,8 +1,6 @@
 """``cvxlimit pushover``: the path of a structure after its collapse factor, configuration by
 configuration."""
 
-# ruff: noqa: RUF009  # options are field() of dataclasses
-
 from __future__ import annotations
 
 import os
@@ -15,17 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import (
-    EFFORT,
-    OUTPUT,
-    argument,
-    command_of,
-    control_option,
-    named_block,
-    option,
-    page_option,
-    rows_option,
-)
+from cvxlimit.cli.options import Command, named_block
 from cvxlimit.cli.report import (
     ExitCode,
     counted,
@@ -54,79 +42,94 @@ _KINDS = dict.fromkeys(IMAGES, "curve") | {".gif": "film", ".mp4": "film", ".htm
 
 
 @dataclass(frozen=True, kw_only=True)
-class Followed:
-    """What ``cvxlimit pushover`` is asked."""
-
-    scene: str = argument(
-        "Scene file, or name of a built-in scene; or a path (pushover --json), which goes on."
-    )
-    step: float | None = option(
-        "L", "Step of the live load's mean displacement; chosen by the package unless given; "
-        "where joints slide, it is then also halved.", group=EFFORT,
-    )  # fmt: skip
-    until: float = option("A", "Load factor at which to end; 0 unless given.", 0.0)
-    flow: str | None = option(
-        "NAME", "Flow rule of sliding joints: associated (default), or zero-dilatancy: none opens."
-    )  # fmt: skip
-    control: str | None = control_option("the mean displacement of the live load")
-    pressures: str | None = option(
-        "NAME", "Pressures stay on their faces: turning with them (default), or keeping their "
-        "direction."
-    )  # fmt: skip
-    stretch: float | None = option(
-        "S", "Share of its length by which a tie is stretched before it is gone; 0 unless given."
-    )  # fmt: skip
-    code_check: float | None = option(
-        "FC", "Report the displacement check of Circolare 7/2019 with this confidence factor."
-    )
-    json: Path | None = option("OUT", "Write the path to this JSON file.", group=OUTPUT)
-    csv: Path | None = rows_option("per configuration")
-    report: Path | None = page_option("with the path and its check")
-    plot: Path | None = option(
-        "OUT.png|.html|.gif",
-        "Draw the curve (.svg and .pdf as well), a page with a slider, or a film (.mp4 as well).",
-        group=OUTPUT,
-    )
-
-
-@command_of(
-    Followed,
-    "Exit code: 0 the path ends; 2 bad input; 3 no answer exists; 4 it was broken off, or a "
-    "bracket is wider than 1e-5.",
-)
-def pushover_command(asked: Followed) -> ExitCode:
+class PushoverCommand(Command):
     """Follow a structure after its collapse factor in finite displacements, with a bracket at every
-    configuration."""
-    written = files_asked(asked, "json", "csv", plot=[*_KINDS], report=(".html",))
-    flow: Any = asked.flow
-    pressures: Any = asked.pressures
-    control = named_block(asked.control)
+    configuration.
 
-    def followed(tell: Tell) -> Displacements:
-        begin = _begin(asked.scene)
-        return pushover(
-            begin, asked.step, asked.until, flow, control, pressures=pressures,
-            stretch=asked.stretch, progress=with_result(tell),
-        )  # fmt: skip
+    Arguments
+    ---------
+    scene : SCENE
+        Scene file, or name of a built-in scene; or a path (pushover --json), which goes on.
 
-    path = interruptible(followed)
-    if asked.json is not None:
-        path.save(asked.json)
-    write_rows(asked.csv, path.to_dataframe())
-    if asked.plot is not None:
-        path.plot(_KINDS[asked.plot.suffix.lower()], asked.plot)
-    check = None if asked.code_check is None else code_check(path, asked.code_check)
-    if asked.report is not None:
-        if path.initial is None:
-            raise InputError(
-                f"--report {asked.report}: the path starts displaced, so that there is no solution "
-                "at rest to report: draw the path by --plot, or write it by --json"
-            )
-        path.initial.of(path.scene).report(asked.report, path=path, check=check)
-    show(_summary(path, written), Text(), _table(path), Text(one_line(f"{PROVES}")))
-    if check is not None:
-        show(Text(), Text(str(check)))
-    return _verdict(path)
+    Effort
+    ------
+    step : L
+        Step of the live load's mean displacement; chosen by the package unless given; where joints
+        slide, it is then also halved.
+
+    Model
+    -----
+    until : A
+        Load factor at which to end; 0 unless given.
+    flow : NAME
+        Flow rule of sliding joints: associated (default), or zero-dilatancy: none opens.
+    control : BLOCK:X,Y,Z
+        Block and direction whose displacement is told; unless given, the mean displacement of the
+        live load.
+    pressures : NAME
+        Pressures stay on their faces: turning with them (default), or keeping their direction.
+    stretch : S
+        Share of its length by which a tie is stretched before it is gone; 0 unless given.
+    code_check : FC
+        Report the displacement check of Circolare 7/2019 with this confidence factor.
+
+    Output
+    ------
+    json : OUT
+        Write the path to this JSON file.
+    csv : OUT
+        Write a row per configuration.
+    report : OUT.html
+        Write a page to print and sign, with the path and its check.
+    plot : OUT.png|.html|.gif
+        Draw the curve (.svg and .pdf as well), a page with a slider, or a film (.mp4 as well).
+
+    Exit code
+    ---------
+    0 the path ends; 2 bad input; 3 no answer exists; 4 it was broken off, or a bracket is wider
+    than 1e-5.
+    """
+
+    scene: str
+    step: float | None = None
+    until: float = 0.0
+    flow: str | None = None
+    control: str | None = None
+    pressures: str | None = None
+    stretch: float | None = None
+    code_check: float | None = None
+    json: Path | None = None
+    csv: Path | None = None
+    report: Path | None = None
+    plot: Path | None = None
+
+    def run(self) -> ExitCode:
+        written = files_asked(self, "json", "csv", plot=[*_KINDS], report=(".html",))
+        given: Any = {name: getattr(self, name) for name in ("flow", "pressures", "stretch")}
+        given["control"] = named_block(self.control)
+
+        def followed(tell: Tell) -> Displacements:
+            begin, told = _begin(self.scene), with_result(tell)
+            return pushover(begin, self.step, self.until, progress=told, **given)
+
+        path = interruptible(followed)
+        if self.json is not None:
+            path.save(self.json)
+        write_rows(self.csv, path.to_dataframe())
+        if self.plot is not None:
+            path.plot(_KINDS[self.plot.suffix.lower()], self.plot)
+        check = None if self.code_check is None else code_check(path, self.code_check)
+        if self.report is not None:
+            if path.initial is None:
+                raise InputError(
+                    f"--report {self.report}: the path starts displaced, so that there is no "
+                    "solution at rest to report: draw the path by --plot, or write it by --json"
+                )
+            path.initial.of(path.scene).report(self.report, path=path, check=check)
+        show(_summary(path, written), Text(), _table(path), Text(one_line(f"{PROVES}")))
+        if check is not None:
+            show(Text(), Text(str(check)))
+        return _verdict(path)
 
 
 def _begin(name: str) -> Scene | Displacements:

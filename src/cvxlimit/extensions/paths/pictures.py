@@ -17,7 +17,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.paths.path import PROVES, Path
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.look import DIGITS, WAY_TEXT, of_kind, printable, saved
-from cvxlimit.plotting.pictures.animation import Animation, frames_of
+from cvxlimit.plotting.pictures.animation import Animation, forth_and_back, frames_of
 from cvxlimit.plotting.pictures.webpage import Page, path_page, sentences
 from cvxlimit.plotting.registry import figures
 from cvxlimit.plotting.style import Style
@@ -40,7 +40,7 @@ def draw_path(
 
 def curve(path: Path, **options: Any) -> Any:
     """A figure of load factor over displacement, with the bracket of each configuration."""
-    chart = figures("chart").Chart.of(options, (6.4, 4.4))
+    chart = figures("sheet").Sheet.of((6.4, 4.4), **options)
     _draw_pieces(chart.axes, path.displacement, path.load_factor, path.pieces, "load factor")
     # What has come apart: cohesion of joints, and ties.
     torn = [k - 1 for k, what in enumerate(path.failed) if what]
@@ -70,17 +70,16 @@ def curve(path: Path, **options: Any) -> Any:
             chart.axes.plot([x, x], ends, "_-", color=Style.violet, lw=1.2, ms=9, label=label)
             label = "_"
     chart.axes.set_xlim(left=min(0.0, chart.axes.dataLim.x0))
-    proved = figures("sheet").lines_of(_PROVED, chart.size("axes.labelsize"), 0.8 * chart.width)
+    proved = figures("sheet").lines_of(_PROVED, chart.letters(10.0), 0.8 * chart.width)
     chart.axes.set(xlabel="\n".join([_control(path), *proved]), ylabel="load factor")
     chart.write(_title(path))
-    chart.write_legend()
     return chart.figure
 
 
 def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[str, Any]) -> Any:
     """Draws the capacity curve of a code check with both limit states; returns the figure, or the
     file it is saved to."""
-    chart = figures("chart").Chart.of(options, (6.4, 4.4))
+    chart = figures("sheet").Sheet.of((6.4, 4.4), **options)
     ax, unit = chart.axes, printable(check.units.length)
     _draw_pieces(ax, check.displacement, check.acceleration, check.pieces, "capacity curve")
     for name, limit, colour in (
@@ -97,7 +96,6 @@ def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[st
     end += ", an interval" * bool(end and " by " in check.ends)
     chart.write(f"{printable(check.scene_name)}: a0* = {check.a0_star:.3g} {unit}/s², "
                 f"e* = {check.e_star:.3g}{end or ': slides, no d0'}")  # fmt: skip
-    chart.write_legend()
     return chart.figure if file is None else saved(chart.figure, file, options)
 
 
@@ -125,9 +123,7 @@ def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
         path.scene, largest, camera_for(path.scene, largest, viewer), _title(path),
         f"blocks as they are displaced. {_PROVED}", bar=Bar(Style.speed, WAY_TEXT),
     )  # fmt: skip
-    texts = [text.replace(" at ", "\nat ") for text in _texts(path)]
-    forward = frames_of(drawing, motions, texts, options)
-    frames = (*forward, *forward[-2:0:-1])
+    frames = forth_and_back(frames_of(drawing, motions, _texts(path), **options))
     return Animation(frames, _PAUSE * len(frames))
 
 

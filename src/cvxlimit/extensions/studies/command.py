@@ -1,7 +1,5 @@
 """``cvxlimit sweep``: all variations of a scene, over processes, stored as they come."""
 
-# ruff: noqa: RUF009  # options are field() of dataclasses
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -16,17 +14,9 @@ from rich.text import Text
 
 from cvxlimit.base.arrays import SMALL
 from cvxlimit.base.checks import count
-from cvxlimit.base.workers import processes
+from cvxlimit.base.search import processes
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import (
-    EFFORT,
-    argument,
-    command_of,
-    named_values,
-    option,
-    output_option,
-    surface_option,
-)
+from cvxlimit.cli.options import Command, named_values
 from cvxlimit.cli.report import ExitCode, counted, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
@@ -40,57 +30,71 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variations:
-    """What ``cvxlimit sweep`` is asked."""
-
-    scene: str = argument()
-    vary: list[str] = option(
-        "NAME=VALUES",
-        "What is varied, once or more, all combinations: friction, cohesion, density, size, tilt, "
-        "direction (degrees), compressive_strength, tensile_strength, or an option of solve such "
-        "as surface. VALUES are 0.5,0.6,0.7 or FIRST:LAST:NUMBER.",
-        ...,
-    )
-    surface: str | None = surface_option(None)
-    output: Path | None = output_option(
-        "FOLDER",
-        "Store every row there once it is solved (Parquet: pandas.read_parquet reads the folder). "
-        "The same command continues an interrupted sweep.",
-    )
-    workers: int = option("N", "Processes that solve; 1 unless given.", 1, group=EFFORT)
-
-
-@command_of(
-    Variations,
-    "Exit code: 0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not solved "
-    "and kept as rows.",
-)
-def sweep_command(asked: Variations) -> ExitCode:
+class SweepCommand(Command):
     """Solve all variations of a scene; every row has its own bracket, and failures are kept as
-    rows."""
-    grid = _grid(asked.vary)
-    if asked.surface is not None and "surface" in grid:
-        raise InputError("--surface and --vary surface=... exclude each other: leave one out")
-    number = count(asked.workers, 1, "--workers")
+    rows.
 
-    def swept(tell: Tell) -> DataFrame:
-        scene = scene_named(asked.scene)
-        options: dict[str, Any] = {} if "surface" in grid else {"surface": asked.surface or "conic"}
-        with processes(number) as pool:
-            return sweep(
-                scene, grid, executor=pool, path=asked.output, progress=with_result(tell), **options
+    Model
+    -----
+    vary : NAME=VALUES
+        What is varied, once or more, all combinations: friction, cohesion, density, size, tilt,
+        direction (degrees), compressive_strength, tensile_strength, or an option of solve such as
+        surface. VALUES are 0.5,0.6,0.7 or FIRST:LAST:NUMBER.
+
+    Output
+    ------
+    output, -o : FOLDER
+        Store every row there once it is solved (Parquet: pandas.read_parquet reads the folder). The
+        same command continues an interrupted sweep.
+
+    Effort
+    ------
+    workers : N
+        Processes that solve; 1 unless given.
+
+    Exit code
+    ---------
+    0 all variations solved; 2 bad input; 3 none has an answer; 4 some are not solved and kept as
+    rows.
+    """
+
+    scene: str
+    vary: list[str]
+    surface: str | None = None
+    output: Path | None = None
+    workers: int = 1
+
+    def run(self) -> ExitCode:
+        grid = _grid(self.vary)
+        if self.surface is not None and "surface" in grid:
+            raise InputError("--surface and --vary surface=... exclude each other: leave one out")
+        number = count(self.workers, 1, "--workers")
+
+        def swept(tell: Tell) -> DataFrame:
+            scene = scene_named(self.scene)
+            options: dict[str, Any] = (
+                {} if "surface" in grid else {"surface": self.surface or "conic"}
             )
+            with processes(number) as pool:
+                return sweep(
+                    scene,
+                    grid,
+                    executor=pool,
+                    path=self.output,
+                    progress=with_result(tell),
+                    **options,
+                )
 
-    table = interruptible(swept)
-    if table.empty:  # only Ctrl-C leaves none
-        raise KeyboardInterrupt
-    show(_printed(table, list(grid)), Text(_counted(table, asked.output)))
-    if table.attrs["is_interrupted"]:
-        done = f"{len(table)} of {table.attrs['variations']} variations"
-        goes_on = "the same command goes on there"
-        cure = goes_on if asked.output else "run it with --output FOLDER to go on"
-        return refuse(ExitCode.NOT_GOOD_ENOUGH, f"interrupted after {done}: {cure}")
-    return _verdict(table, list(grid))
+        table = interruptible(swept)
+        if table.empty:  # only Ctrl-C leaves none
+            raise KeyboardInterrupt
+        show(_printed(table, list(grid)), Text(_counted(table, self.output)))
+        if table.attrs["is_interrupted"]:
+            done = f"{len(table)} of {table.attrs['variations']} variations"
+            goes_on = "the same command goes on there"
+            cure = goes_on if self.output else "run it with --output FOLDER to go on"
+            return refuse(ExitCode.NOT_GOOD_ENOUGH, f"interrupted after {done}: {cure}")
+        return _verdict(table, list(grid))
 
 
 def _grid(vary: Sequence[str]) -> dict[str, list[Any]]:

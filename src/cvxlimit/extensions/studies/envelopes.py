@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -98,6 +99,13 @@ class Crossing:
         return float("nan") if found.load_factor is None else found.load_factor
 
     @property
+    def bounds(self) -> tuple[float, float]:
+        """Infinite where any multiple of the vehicle is carried, as the load factor."""
+        if self.solution is None or np.isinf(self.load_factor):
+            return float("inf"), float("inf")
+        return self.solution.lower, self.solution.upper
+
+    @property
     def status(self) -> str:
         """As of the solution."""
         return "not on the bridge" if self.solution is None else str(self.solution.status)
@@ -161,19 +169,12 @@ class Envelope:
         """A row for each position: ``at``, ``way`` (1 forward, -1 backward), ``load_factor``, which
         is infinite where any multiple is carried, ``lower``, ``upper``, ``status``, ``lost``."""
         pandas = needed("pandas", "frames", "tables")
+        names = ["at", "way", "load_factor", "lower", "upper", "status", "lost"]
         rows = [
-            {
-                "at": each.at,
-                "way": 1 if each.is_forward else -1,
-                "load_factor": each.load_factor,
-                "lower": np.inf if np.isinf(each.load_factor) else _bound(each, "lower"),
-                "upper": np.inf if np.isinf(each.load_factor) else _bound(each, "upper"),
-                "status": each.status,
-                "lost": each.lost,
-            }
-            for each in self.crossings
+            (c.at, 1 if c.is_forward else -1, c.load_factor, *c.bounds, c.status, c.lost)
+            for c in self.crossings
         ]
-        table: DataFrame = pandas.DataFrame(rows)
+        table: DataFrame = pandas.DataFrame(rows, columns=names)
         table.attrs = {"units": {"at": self.units.length, "lost": self.units.force}}
         return table
 
@@ -182,19 +183,14 @@ class Envelope:
 
         ``options`` are those of all charts: ``size`` in inches, ``title``, ``ax``, ``legend``.
         """
-        chart = figures("chart").Chart.of(options, (6.4, 3.8))
-        for is_forward, colour, name in (
-            (True, Style.blue, "forward"),
-            (False, Style.brown, "back"),
-        ):
-            own = [each for each in self.crossings if each.is_forward is is_forward]
-            if not own:
-                continue
-            at, factors = np.array([(each.at, each.load_factor) for each in own]).T
-            shown = np.where(np.isfinite(factors), factors, np.nan)
-            chart.axes.plot(
-                at, shown, ".-", color=colour, lw=1.2, ms=4, label=f"{name}: load factor"
-            )
+        chart = figures("sheet").Sheet.of((6.4, 3.8), **options)
+        for way, colour in (("forward", Style.blue), ("back", Style.brown)):
+            own = [c for c in self.crossings if c.is_forward is (way == "forward")]
+            if own:
+                at, factors = np.array([(c.at, c.load_factor) for c in own]).T
+                shown = np.where(np.isfinite(factors), factors, np.nan)
+                label = f"{way}: load factor"
+                chart.axes.plot(at, shown, ".-", color=colour, lw=1.2, ms=4, label=label)
         worst = self.worst
         if np.isfinite(worst.load_factor):
             label = f"least: {rounded(worst.load_factor, 4)}"
@@ -207,12 +203,7 @@ class Envelope:
         for each in (chart.axes.yaxis.set_major_formatter, chart.axes.yaxis.set_minor_formatter):
             each(needed("matplotlib.ticker", "plot", "charts").LogFormatter())
         chart.write(f"{self.scene_name}: a vehicle of {self.vehicle.force:g} {self.units.force}")
-        chart.write_legend()
         return chart.figure if file is None else saved(chart.figure, file, options)
-
-
-def _bound(each: Crossing, name: str) -> float:
-    return float("nan") if each.solution is None else float(getattr(each.solution, name))
 
 
 def envelope(
@@ -262,21 +253,19 @@ def envelope(
     """
     places = np.atleast_1d(np.array(positions, dtype=float)).tolist()
     road = Road(scene, level, along, blocks)
-    ways = [(True, 1.0), (False, -1.0)] if both_ways else [(True, 1.0)]
+    todo = list(product((True, False) if both_ways else (True,), places))
     shared: Assemblage | None = None
-    found = []
-    for is_forward, sign in ways:
-        for at in places:
-            points, lost = _loads(road, vehicle, at, sign)
-            solution = None
-            if points:
-                loaded = scene.with_live(Load(points=points))
-                if shared is None:
-                    shared = Assemblage.of(loaded)
-                solution = solve(shared.like(loaded), **options)
-            found.append(Crossing(at, is_forward, lost, solution))
-            if progress is not None:
-                progress(f"{len(found)} of {len(ways) * len(places)} positions")
+    found = list[Crossing]()
+    for is_forward, at in todo:
+        points, lost = _loads(road, vehicle, at, 1.0 if is_forward else -1.0)
+        solution = None
+        if points:
+            loaded = scene.with_live(Load(points=points))
+            shared = shared or Assemblage.of(loaded)
+            solution = solve(shared.like(loaded), **options)
+        found.append(Crossing(at, is_forward, lost, solution))
+        if progress is not None:
+            progress(f"{len(found)} of {len(todo)} positions")
     if all(each.solution is None for each in found):
         raise InputError(
             f"the vehicle is beside {scene.name!r} at all positions: give places of its first axle "

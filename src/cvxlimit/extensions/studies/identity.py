@@ -1,9 +1,10 @@
-"""What a stored answer is of: one digest of its scene, its surfaces' numbers, settings and version.
+"""What a stored answer is of: one digest of its scene, its surfaces, settings and version.
 
 Names and texts do not tell an edited function from what it was, nor an object from another one of
-its class. So scenes count with all that their files have, surfaces of one's own with the numbers
-that they state on the scene's contacts, and everything else with its content: functions with their
-code and what it refers to. What has no content to compare cannot be told apart, and is refused.
+its class. So scenes count with all that their files have, and everything else with its content:
+numbers by value, objects by their class and state, functions and classes of one's own by their code
+and what it refers to, those of libraries by their names and versions. What has no content to
+compare cannot be told apart, and is refused.
 """
 
 from __future__ import annotations
@@ -14,23 +15,19 @@ import sys
 import sysconfig
 from collections.abc import Iterable, Mapping, Set
 from concurrent.futures import Executor
-from dataclasses import MISSING, fields, is_dataclass
-from functools import partial
+from dataclasses import fields
+from functools import cached_property
 from pathlib import Path
-from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 import cvxpy as cp
 import numpy as np
 
 from cvxlimit.base.versions import __version__
-from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import Contacts
+from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io.scenes import scene_digest
 from cvxlimit.scene import Scene
-from cvxlimit.surfaces import YieldSurface
-from cvxlimit.surfaces.base import number, stated
-from cvxlimit.surfaces.coulomb import BUILT_IN, surfaces_of
 
 _SIZE = 16
 """Bytes of a digest: two of a billion rows are alike by chance once in 10^20 folders."""
@@ -64,22 +61,23 @@ def digest(value: object, what: str) -> str:
     return content.hexdigest()
 
 
-def row_identity(asked: str, scene: Scene, surface: Any, varied: Mapping[str, Any]) -> str:
-    """The identity of one answer: ``asked`` is the digest of all that does not vary.
-
-    ``surface`` is as :func:`cvxlimit.solve` takes it, ``varied`` are further settings.
-    """
+def row_identity(asked: str, scene: Scene, varied: Mapping[str, Any]) -> str:
+    """The identity of one answer: ``asked`` is the digest of all that does not vary, ``varied`` are
+    further settings."""
     content = _Content("the row")
     content.add([__version__, asked, dict(varied)])
     content.add_scene(scene)
-    content.add_surfaces(surface, scene)
     return content.hexdigest()
 
 
-def surface_forms(surface: Any) -> list[object]:
-    """What of surfaces does not depend on the scene: their names and their cones."""
-    surfaces, name = surfaces_of(surface)
-    return [name, *([s.name, sorted(s.implies), s.cone] for s in surfaces)]
+def check_version(place: object, holds: str, wrote: object, cure: str) -> None:
+    """Raises InputError for answers in a place that another version of cvxlimit wrote."""
+    if wrote != __version__:
+        by = "an earlier version" if wrote is None else f"version {wrote!r:.20}"
+        raise InputError(
+            f"{place}: holds {holds} of {by} of cvxlimit, this is {__version__}: take another "
+            f"{cure}"
+        )
 
 
 class _Content:
@@ -105,22 +103,6 @@ class _Content:
         given = scene.__dict__.get("_given_contacts")
         if given is not None:  # of which files know nothing
             self.add([getattr(given, each.name) for each in fields(given)])
-
-    def add_surfaces(self, surface: Any, scene: Scene) -> None:
-        """Surfaces of the package follow from the scene; of others, the numbers they state."""
-        for each in surfaces_of(surface)[0]:
-            self.add([each.name, each.cone])
-            if type(each) not in BUILT_IN.values():
-                self._add_conditions(each, scene.contacts)
-
-    def _add_conditions(self, surface: YieldSurface, contacts: Contacts) -> None:
-        for condition in stated(surface, contacts):
-            self.tag("condition", len(condition.norms))
-            for norm in condition.norms:
-                self.add([number(norm.weight), len(norm.rows)])
-            for form in condition.forms():
-                self.add({name: number(k) for name, k in form.items()})
-            self.add(condition.rows(len(contacts)))
 
     def add(self, value: Any) -> None:
         """One value, by its kind."""
@@ -195,17 +177,9 @@ class _Content:
 
     def _add_object(self, value: Any) -> None:
         """Anything else, by what its pickle would hold: its class, and its state."""
-        if isinstance(value, (staticmethod, classmethod)):
-            self.add([type(value).__name__, value.__func__])
-            return
-        if isinstance(value, property):
-            self.add(["property", value.fget, value.fset, value.fdel])
-            return
-        if isinstance(value, MethodType):
-            self.add(["method", value.__func__, value.__self__])
-            return
-        if isinstance(value, partial):
-            self.add(["partial", value.func, value.args, value.keywords])
+        if isinstance(value, (staticmethod, classmethod, property, cached_property)):
+            names = ("__func__", "func", "fget", "fset", "fdel")  # there is no pickle of these
+            self.add([type(value).__name__, *(getattr(value, name, None) for name in names)])
             return
         if isinstance(value, BuiltinFunctionType) and isinstance(value.__self__, ModuleType | None):
             self.tag("built in", value.__module__, value.__qualname__)
@@ -218,6 +192,11 @@ class _Content:
             self.tag("global", getattr(value, "__module__", ""), made)
             return
         made = [list(part) if k in (3, 4) and part else part for k, part in enumerate(made)]
+        if len(made) > 2 and isinstance(made[2], dict):  # its state, not what was computed of it
+            given = {k: getattr(type(value), k, None) for k in made[2]}
+            made[2] = {
+                k: x for k, x in made[2].items() if not isinstance(given[k], cached_property)
+            }
         self.tag(type(value).__qualname__, len(made))
         for part in made:
             self.add(part)
@@ -256,11 +235,6 @@ class _Content:
             return
         self.add(list(value.__bases__))
         own = {name: x for name, x in vars(value).items() if name not in _ROUTINE}
-        if is_dataclass(value):  # its methods are made of its fields
-            own = {name: x for name, x in own.items() if not _is_made(x)}
-            for each in fields(value):
-                given = [x for x in (each.default, each.default_factory) if x is not MISSING]
-                self.add([each.name, given])
         for name in sorted(own):
             self.tag(name)
             self.add(own[name])
@@ -297,10 +271,6 @@ def _globals_of(code: CodeType) -> set[str]:
 
 
 _LOOKUPS = {"LOAD_GLOBAL", "LOAD_NAME"}
-
-
-def _is_made(value: object) -> bool:
-    return isinstance(value, FunctionType) and value.__code__.co_filename == "<string>"
 
 
 def _is_installed(module: ModuleType) -> bool:

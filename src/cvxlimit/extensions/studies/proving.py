@@ -1,4 +1,10 @@
-"""Sweeps proved again: rows, and the results they come from."""
+"""Sweeps proved again: rows, and the results they come from.
+
+A row says what was varied, and what its result says. So its scene is built anew from its
+parameters; the result that the folder holds has to be of that scene, and what the row says has to
+be what the result says; and the result is proved as any other. Rows that say why they have no
+result claim nothing.
+"""
 
 from __future__ import annotations
 
@@ -18,62 +24,60 @@ from cvxlimit.extensions.studies.store import (
     proofs_of,
     read_sweep,
 )
-from cvxlimit.extensions.studies.variations import varied
 from cvxlimit.io.fields import parsed, refusals
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.proof.checks import Check, unseen
-from cvxlimit.proving.derived import words_of_method
+from cvxlimit.proving.derived import asked_checks, words_of_method
 from cvxlimit.proving.prove import BOTH_CASES, Proof, Scenes, scene_of
 from cvxlimit.proving.solutions import solution_checks
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution
 from cvxlimit.surfaces.coulomb import surfaces_of, words_of
 
 
 def prove_sweep(folder: Path, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
     """Every row that the folder of a sweep holds; see :func:`cvxlimit.prove`."""
-    return Proof(f"sweep in {folder}", tuple(_rows(folder, scene, own)))
+    return Proof(f"sweep in {folder}", tuple(_checks(folder, scene, own)))
 
 
-def _rows(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iterator[Check]:
-    about = about_sweep(folder)
-    own_base: Scene | None = None
+def _checks(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iterator[Check]:
+    """Which scenes the rows are of, and then row by row."""
+    about, held = about_sweep(folder), None
     if isinstance(about.get("base"), dict):
         with refusals(f"{folder}: "):
-            own_base = scene_from_dict(about["base"])
-            if about.get("scene") != f"{own_base.name} {scene_digest(own_base)}":
-                yield Check(f"scene {about.get('scene')!s:.60}", False, "the base is another one")
-    base = scenes or own_base
-    if isinstance(base, Scene) and own_base is not None:
-        scene_of(own_base.name, scene_digest(own_base), base, BOTH_CASES)
+            held = scene_from_dict(about["base"])
+        if about.get("scene") != f"{held.name} {scene_digest(held)}":
+            yield Check(f"scene {about.get('scene')!s:.60}", False, "the base is another one")
+        if isinstance(scenes, Scene):
+            scene_of(held.name, scene_digest(held), scenes, BOTH_CASES)
+    base = scenes or held
     if base is None:
         raise InputError(
             f"{folder}: a function built the scenes of this sweep ({about.get('scene')!s:.80}), "
             "and the folder does not hold them: prove(folder, function)"
         )
     every, proofs = read_sweep(folder, every=True), proofs_of(folder)
-    rows = every.drop_duplicates(KEY, keep="last").to_dict("records")
-    good, failed, unknown = 0, 0, dict[str, Check]()
-    for row in rows:
+    number, unknown = {"good": 0, "failed": 0}, dict[str, Check]()
+    for row in every.drop_duplicates(KEY, keep="last").to_dict("records"):
+        parameters, text = _parameters(row), proofs.get(row.get(IDENTITY))
+        called = "row " + ", ".join(f"{name} {value}" for name, value in parameters.items())
         if lost := [c for c in (KEY, IDENTITY, *RESULTS) if not _is_held(row.get(c), c in FIGURES)]:
             raise InputError(
-                f"{folder}: {_called(row)} lacks the column {lost[0]!r}: delete the part that "
+                f"{folder}: {called} lacks the column {lost[0]!r}: delete the part that "
                 "holds it, and the same call solves its rows again"
             )
-        checks = [*_row(row, proofs, base, own)]
+        checks = [*_row(row, parameters, text, base, own)]
         missing = [c for c in checks if not c.is_met]
-        failed += bool(row["error"]) and not missing
-        good += not row["error"] and not missing
+        number["failed" if row["error"] else "good"] += not missing
         unknown |= {c.claim: c for c in checks if c.is_met and c.kind == "not looked at"}
         for check in missing:
-            yield replace(check, claim=f"{_called(row)}, {check.claim}")
+            yield replace(check, claim=f"{called}, {check.claim}")
     if orphans := len(proofs.keys() - set(every[IDENTITY])):
         yield Check(_rows_said(orphans), False, "results are held, and no rows of them")
-    if good:
-        yield Check(f"{_rows_said(good)} with their brackets", True)
-    if failed:
-        yield unseen(f"{_rows_said(failed)} more that say why they have no result")
+    if number["good"]:
+        yield Check(f"{_rows_said(number['good'])} with their brackets", True)
+    if number["failed"]:
+        yield unseen(f"{_rows_said(number['failed'])} more that say why they have no result")
     yield from unknown.values()
     yield unseen("version, options")
 
@@ -87,31 +91,27 @@ def _is_held(value: Any, is_figure: bool) -> bool:
     return value is not None and (is_figure or value == value)
 
 
-def _called(row: Mapping[str, Any]) -> str:
-    parameters = _parameters(row)
-    return "row " + ", ".join(f"{name} {value}" for name, value in parameters.items())
-
-
 def _parameters(row: Mapping[str, Any]) -> dict[str, Any]:
     """What was varied: it stands between the row's names and its results."""
-    found = dict[str, Any]()
-    for name, value in row.items():
-        if name == "load_factor":
-            break
-        if name not in (KEY, IDENTITY) and value is not None and value == value:
-            found[name] = value
-    return found
+    names = [*row]
+    varied_names = names[: names.index("load_factor")] if "load_factor" in row else names
+    return {name: row[name] for name in varied_names
+            if name not in (KEY, IDENTITY) and _is_held(row[name], is_figure=False)}  # fmt: skip
 
 
 def _row(
-    row: Mapping[str, Any], proofs: Mapping[str, str], base: Scenes, own: Mapping[str, Any]
+    row: Mapping[str, Any],
+    parameters: Mapping[str, Any],
+    text: str | None,
+    base: Scenes,
+    own: Mapping[str, Any],
 ) -> Iterator[Check]:
-    parameters = _parameters(row)
-    asked = {name: row[name] for name in [*row][: [*row].index("load_factor")]} | parameters
-    asked = {k: x if x == x else None for k, x in asked.items() if k not in (KEY, IDENTITY)}
-    if row[KEY] not in (key_of(parameters), key_of(asked)):
+    """The claims of one row, whose result is held as ``text``."""
+    # Its name is that of its parameters, where one may have been varied to none.
+    between = [*row][: [*row].index("load_factor")]
+    with_none = {name: parameters.get(name) for name in between if name not in (KEY, IDENTITY)}
+    if row[KEY] not in (key_of(parameters), key_of(with_none)):
         yield Check(f"{KEY} {row[KEY]!r}", False, "it is the name of other parameters")
-    text = proofs.get(row[IDENTITY])
     if row["error"]:
         if text is not None or any(row[name] == row[name] for name in FIGURES) or row["status"]:
             yield Check(f"error {row['error']!r:.60}", False, "there is a result beside it")
@@ -119,38 +119,35 @@ def _row(
     if text is None:
         yield Check("bracket", False, "the folder holds no forces and no mechanism of it")
         return
+    # Its scene is that of the result, which says the same, and is proved.
     try:
         solution = result_from_dict(parsed(str(text).encode()))
-        scenes, options = Rows(base).split(parameters)
-        scene = varied(base, **scenes) if isinstance(base, Scene) else base(**scenes)
+        study = Rows(base)
+        of_scene, options = study.split(parameters)
+        scene = study.family.scene(of_scene)
         if solution.scene_digest != scene_digest(scene):
             yield Check("scene", False, "what is held is of another scene than its parameters make")
             return
-        for name, held in results_of(solution).items():
+        results = results_of(solution)
+        for name, held in results.items():
             if row[name] != held and (row[name] == row[name] or held == held):
                 yield Check(f"{name} {row[name]!r:.60}", False, f"its result says {held!r:.60}")
-        yield from _options(options, solution)
-        checks = solution_checks(solution, scene, **own)
-        yield from checks
-        # a note, which nobody looks at, is that of the result
-        yield from map(unseen, {*row} - {KEY, IDENTITY, *parameters, *asked, *results_of(solution)})
+        asked = _asked(options)
+        if solution.interaction == "none":
+            asked.pop("moments", None)
+        yield from asked_checks(solution, asked, "its result says")
+        yield from map(unseen, options.keys() - {"surface", "moments", "tolerance", "method"})
+        yield from solution_checks(solution, scene, **own)
+        yield from map(unseen, {*row} - {KEY, IDENTITY, *with_none, *results})
     except CvxlimitError as error:
         yield Check("bracket", False, str(error))
 
 
-def _options(options: Mapping[str, Any], solution: Solution) -> Iterator[Check]:
-    """Options that were varied, as far as results name them."""
-    said = dict[str, Any]()
+def _asked(options: Mapping[str, Any]) -> dict[str, Any]:
+    """What a result says of the options that were varied, as far as results name them."""
+    said = {name: options[name] for name in ("moments", "tolerance") if options.get(name)}
     if isinstance(options.get("surface"), str):
         said |= words_of(surfaces_of(options["surface"])[1])
-    if options.get("moments") is not None and solution.interaction != "none":
-        said["moments"] = str(options["moments"])
-    if options.get("tolerance") is not None:
-        said["tolerance"] = options["tolerance"]
     if isinstance(options.get("method"), str):
         said |= words_of_method(options["method"])
-    for name, value in said.items():
-        held = getattr(solution, name)
-        if value != held:
-            yield Check(f"{name} {value!r}", False, f"its result says {held!r}")
-    yield from map(unseen, options.keys() - {"surface", "moments", "tolerance", "method"})
+    return said

@@ -4,36 +4,33 @@ once."""
 from __future__ import annotations
 
 import json
-import pickle
-import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from inspect import Parameter, Signature, signature
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from inspect import signature
 from typing import Any
 
 import numpy as np
 
 from cvxlimit.base.checks import is_number, meant, ratio
-from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
-from cvxlimit.extensions.studies.identity import digest, row_identity, surface_forms
+from cvxlimit.extensions.studies.identity import digest, row_identity
 from cvxlimit.extensions.studies.patched import PatchedProblem, strengths_of
 from cvxlimit.extensions.studies.store import IDENTITY, PROOF
-from cvxlimit.extensions.studies.variations import varied
+from cvxlimit.extensions.studies.variations import Family
 from cvxlimit.io.results import result_to_dict
 from cvxlimit.methods.solving import solve
 from cvxlimit.methods.table import TABLE, check_choice
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import MODELS
-from cvxlimit.scene import Scene, check_scene
+from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.solution.said import said
 from cvxlimit.solvers import asked_ladder, ladder_of
-from cvxlimit.solvers.threads import one_thread
 from cvxlimit.surfaces.coulomb import surfaces_of
 
 Row = dict[str, Any]
@@ -74,12 +71,6 @@ class Structures:
     def __init__(self) -> None:
         self._known: OrderedDict[str, Assemblage] = OrderedDict()
         self._problems: OrderedDict[object, PatchedProblem | None] = OrderedDict()
-
-    def sharing(self, scene: Scene) -> Scene:
-        """Returns the scene with the contacts of an earlier one of its geometry, if there was
-        one."""
-        known = self._known.get(scene.geometry)
-        return scene if known is None else scene.sharing_contacts_of(known.scene)
 
     def mechanics(self, scene: Scene) -> Scene | Assemblage:
         """Returns the scene with contacts, equilibrium and factorisation of one of its geometry.
@@ -154,15 +145,22 @@ class Study:
         if self.measure is not None and not callable(self.measure):
             raise ModelError(f"measure must be a function of a solution, got {self.measure!r:.60}")
 
-    @property
-    def _parameters(self) -> dict[str, Parameter]:
-        if not isinstance(self.scenes, Scene):
-            return dict(signature(self.scenes).parameters)
-        return {k: v for k, v in signature(varied).parameters.items() if k != "scene"}
+    @cached_property
+    def family(self) -> Family:
+        """The scenes by their parameters."""
+        return Family(self.scenes)
+
+    @cached_property
+    def known(self) -> Structures:
+        """What its rows share in this process."""
+        return Structures()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def split(self, variation: Mapping[str, Any]) -> tuple[Row, Row]:
         """Returns a variation's parameters of the scene, and its options of the solve."""
-        own = self._parameters
+        own = self.family.parameters
         for_solve = {k: v for k, v in variation.items() if k in OPTIONS and k not in own}
         return {k: v for k, v in variation.items() if k not in for_solve}, for_solve
 
@@ -172,7 +170,7 @@ class Study:
 
         Values out of their range are rows with an error: others may be good.
         """
-        self._check_names(self.split(variations[0])[0])
+        self.family.check(self.split(variations[0])[0], OPTIONS)
         for variation in variations:
             parameters, for_solve = self.split(variation)
             for name, value in for_solve.items():
@@ -180,25 +178,6 @@ class Study:
             for name, value in parameters.items() if isinstance(self.scenes, Scene) else ():
                 if name not in _LOADS and not (value is None or is_number(value)):
                     raise InputError(f"{name} must be a number, got {value!r:.60}")
-
-    def _check_names(self, given: Mapping[str, Any]) -> None:
-        own, scenes = self._parameters, self.scenes
-        try:
-            Signature(list(own.values())).bind(**given)
-        except TypeError as error:
-            if isinstance(scenes, Scene):
-                who = f"scene {scenes.name!r}"
-            else:
-                who = f"function {getattr(scenes, '__name__', 'of scenes')!r}"
-            why = f"cannot be called: {error}"
-            for name in given:
-                if name not in own:
-                    near = meant(name, [*own, *OPTIONS])
-                    why = f"has no parameter {name!r}" + (f" ({near})" if near else "")
-            raise InputError(
-                f"{who} {why}; its parameters are {', '.join(own)}, and options of solve may be "
-                "varied as well"
-            ) from error
 
     def to_be_stored(self) -> Study:
         """Returns the study for rows that are stored, with the digest of all that is asked.
@@ -209,26 +188,27 @@ class Study:
             If an option or the measure holds what cannot be told apart.
         """
         given = {**_USUAL, **self.options}
-        parts = [digest(x, f"option {name!r}") for name, x in given.items() if name != "surface"]
-        parts.append(digest(surface_forms(given["surface"]), "the surface"))
+        parts = [digest(x, f"option {name!r}") for name, x in given.items()]
         parts.append(digest(self.measure, "measure"))
         return replace(self, asked=digest(parts, "the sweep"))
 
-    def row(self, variation: Mapping[str, Any], known: Structures) -> Row:
+    def __call__(self, group: Sequence[tuple[str, Row]]) -> list[Row]:
+        """Returns the rows of some variations, which are given with their names."""
+        return [self.row(variation) for _, variation in group]
+
+    def row(self, variation: Mapping[str, Any]) -> Row:
         """Returns the answer to one variation. Where rows are stored it has its identity, alone if
         that is stored already, and otherwise with the result file that proves it."""
         start = time.perf_counter()
         result: Row = dict.fromkeys(FIGURES, np.nan) | dict.fromkeys(TEXTS, "")
         try:
             parameters, options = self.split(variation)
-            scene = self._scene(parameters)
+            scene = self.family.scene(parameters)
             if self.asked:
-                surface = options.get("surface", self.options.get("surface", "conic"))
-                alike = known.sharing(scene)
-                result[IDENTITY] = row_identity(self.asked, alike, surface, options)
+                result[IDENTITY] = row_identity(self.asked, scene, options)
                 if result[IDENTITY] in self.stored:
                     return {IDENTITY: result[IDENTITY]}
-            result |= self._solved(scene, options, known)
+            result |= self._solved(scene, options)
         except CvxlimitError as error:
             result["error"] = str(error)
         except Exception as error:  # a factory may raise what it likes; the row keeps the reason
@@ -239,23 +219,14 @@ class Study:
                 return {IDENTITY: result[IDENTITY]}
         return result | {"seconds": time.perf_counter() - start}
 
-    def _solved(self, scene: Scene, options: Row, known: Structures) -> Row:
+    def _solved(self, scene: Scene, options: Row) -> Row:
         """Returns the results of one scene, by column."""
-        solution = _answer(known, scene, {**self.options, **options})
+        solution = _answer(self.known, scene, {**self.options, **options})
         figures = results_of(solution)
         figures |= dict(self.measure(solution) if self.measure else {})
         if self.asked:
             figures[PROOF] = json.dumps(result_to_dict(solution))
         return figures
-
-    def _scene(self, parameters: Mapping[str, Any]) -> Scene:
-        given = self.scenes
-        if isinstance(given, Scene):
-            _ = given.geometry, given.dead_forces  # copies that have the same keep them
-            return varied(given, **parameters)
-        scene = given(**parameters)
-        check_scene(scene)
-        return scene
 
 
 def results_of(solution: Solution) -> Row:
@@ -296,37 +267,3 @@ def _is_patched(options: Row) -> bool:
     return (
         is_plain and options.get("method") in (None, "convex") and options.get("model") != "least"
     )
-
-
-def packed(study: object) -> bytes:
-    """Returns a study as bytes for other processes; raises ModelError if it cannot be sent."""
-    pickler = needed("cloudpickle", "frames", "sweeps over processes")
-    try:
-        result: bytes = pickler.dumps(study)
-    except Exception as error:  # pickling asks the objects, which may raise what they like
-        raise ModelError(
-            "the factory, the options or the measure cannot be sent to another process: "
-            f"{' '.join(str(error).split())[:200]}"
-        ) from error
-    return result
-
-
-class _Kept(threading.local):
-    def __init__(self) -> None:
-        self.studies: OrderedDict[str, tuple[Study, Structures]] = OrderedDict()
-
-
-_kept = _Kept()
-
-
-def work(name: str, study: bytes, variations: Sequence[Mapping[str, Any]]) -> list[Row]:
-    """Returns the rows of some variations; the study of this ``name`` is unpacked once per
-    thread."""
-    seen = _kept.studies
-    if name not in seen:
-        seen[name] = pickle.loads(study), Structures()
-        if len(seen) > 2:  # this one, and one that overlaps with it
-            seen.popitem(last=False)
-    found, known = seen[name]
-    with one_thread():
-        return [found.row(variation, known) for variation in variations]

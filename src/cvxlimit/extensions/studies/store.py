@@ -21,6 +21,7 @@ from cvxlimit.base.extras import needed
 from cvxlimit.base.files import write_file, write_new_file
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError
+from cvxlimit.extensions.studies.identity import check_version
 from cvxlimit.io.fields import mapping, read_document, refusals
 
 if TYPE_CHECKING:
@@ -93,13 +94,8 @@ class Store:
                 )
             write_new_file(self.folder / _ABOUT, json.dumps(dict(about), indent=1).encode())
         found = about_sweep(self.folder)
-        version = found.get("version")
-        if version != about["version"]:
-            wrote = "an earlier version" if version is None else f"version {version!r:.20}"
-            raise InputError(
-                f"{self.folder}: holds rows of {wrote} of cvxlimit, this is {about['version']}: "
-                "take another folder, or delete this one (read_sweep still reads it)"
-            )
+        cure = "folder, or delete this one (read_sweep still reads it)"
+        check_version(self.folder, "rows", found.get("version"), cure)
         for what in ("scene", "options"):
             if found.get(what) != about[what]:
                 raise InputError(
@@ -107,23 +103,20 @@ class Store:
                     f"place of {about[what]!r:.60}): take another folder, or delete this one"
                 )
 
-    def again(self, key: str, variation: Mapping[str, Any], identity: str) -> dict[str, Any]:
-        """Returns a stored row, which is from now on the last one of its variation."""
-        row = self.rows[identity]
-        if self._last.get(key) != identity:
-            self._last[key] = identity
-            self._put({**row, **variation, KEY: key})
-        return row
-
-    def add(self, key: str, variation: Mapping[str, Any], row: Mapping[str, Any]) -> None:
-        """Keep a row, with the text of its proof; it is on disk within a second or so."""
-        self._last[key] = row[IDENTITY]
-        self._put({KEY: key, **variation, **row})
-
-    def _put(self, row: dict[str, Any]) -> None:
-        self._waiting.append(row)
-        if time.monotonic() - self._written > 1.0:  # a file takes 5 ms
-            self.flush()
+    def add(self, key: str, variation: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
+        """Keeps a row, with the text of its proof, which is on disk within a second or so; returns
+        it, or the one of its identity that is stored already. It is from now on the last one of its
+        variation."""
+        identity = row[IDENTITY]
+        is_last = self._last.get(key) == identity
+        self._last[key] = identity
+        kept = self.rows.get(identity)
+        if kept is None or not is_last:
+            found = dict(row if kept is None else kept)
+            self._waiting.append({KEY: key, **variation} | found | {**variation, KEY: key})
+            if time.monotonic() - self._written > 1.0:  # a file takes 5 ms
+                self.flush()
+        return dict(row) if kept is None else kept
 
     def flush(self) -> None:
         """Writes the rows that wait, with their proofs, to a file each."""

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from cvxlimit.base.extras import needed
 from cvxlimit.base.progressbar import progress_bar
+from cvxlimit.base.search import searched
 from cvxlimit.base.versions import __version__
-from cvxlimit.errors import InputError, ModelError
+from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.patched import nearest_first
-from cvxlimit.extensions.studies.rows import RESULTS, Row, Structures, Study, packed, work
+from cvxlimit.extensions.studies.rows import RESULTS, Row, Study
 from cvxlimit.extensions.studies.store import IDENTITY, KEY, PROOF, Store, key_of
 from cvxlimit.extensions.studies.variations import Grid, variations_of
 from cvxlimit.io.scenes import scene_digest, scene_to_dict
@@ -25,8 +23,6 @@ from cvxlimit.solution import Solution
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-Keyed = tuple[str, Row]
 
 
 def sweep(
@@ -94,29 +90,19 @@ def sweep(
     >>> table["load_factor"].round(3).tolist()
     [0.4, 0.311, 0.22]
     """
-    pandas = needed("pandas", "frames", "sweeps")
     study, table = Study(scenes, options, measure), variations_of(grid)
-    clash = sorted(set(table.columns) & {*RESULTS, KEY, IDENTITY, PROOF})
-    if clash:
-        cure = "; its name as a parameter is ladder" if clash[0] == "solver" else ""
-        raise InputError(
-            f"a parameter must not be called {clash[0]!r}: a result is called so{cure}"
-        )
+    _check_names(table)
     records: list[Row] = table.to_dict("records")
     study.check(records)
     names = [str(i) if path is None else key_of(row) for i, row in enumerate(records)]
-    variations = dict(zip(names, records, strict=True))
     store, about = None, _about(study)
     if path is not None:
         study = study.to_be_stored()  # nothing is refused once the folder is there
         store = Store(path, {**about, "base": _base(scenes)})
         study = replace(study, stored=frozenset(store.rows))
-    done = dict[str, Row]()
-    with progress_bar("sweep", len(variations), progress) as advance:
-        is_interrupted = _fill(done, study, variations, executor, store, advance)
-    kept = [i for i, name in enumerate(names) if name in done]
-    found = pandas.DataFrame([done[names[i]] for i in kept], columns=_columns(done, table))
-    result: DataFrame = pandas.concat([table.iloc[kept].reset_index(drop=True), found], axis=1)
+    variations = dict(zip(names, records, strict=True))
+    done, is_interrupted = _done(study, variations, executor, store, progress)
+    result = _joined(table, [done.get(name) for name in names])
     result.attrs = {
         **about,
         "version": __version__,
@@ -127,39 +113,65 @@ def sweep(
     return result
 
 
-def _fill(
-    done: dict[str, Row],
+def _check_names(table: DataFrame) -> None:
+    """Raises InputError for a parameter that is called like a result."""
+    clash = sorted(set(table.columns) & {*RESULTS, KEY, IDENTITY, PROOF})
+    if clash:
+        cure = "; its name as a parameter is ladder" if clash[0] == "solver" else ""
+        raise InputError(
+            f"a parameter must not be called {clash[0]!r}: a result is called so{cure}"
+        )
+
+
+def _done(
     study: Study,
     variations: Mapping[str, Row],
     executor: Any,
     store: Store | None,
-    advance: Callable[[str], None],
-) -> bool:
-    try:
-        for name, row in solved(study, variations, executor):
-            if store is not None and row[IDENTITY] in study.stored:
-                done[name] = store.again(name, variations[name], row[IDENTITY])
-            else:
-                done[name] = row
-                if store is not None:
-                    store.add(name, variations[name], row)
-            advance(done[name]["error"] or f"{done[name]['load_factor']:.6g}")
-    except KeyboardInterrupt:
-        return True
-    finally:
-        if store is not None:
-            store.flush()
-    return False
+    progress: bool | Callable[[str], None],
+) -> tuple[dict[str, Row], bool]:
+    """Returns the rows by name, and whether Ctrl-C came before all were there."""
+    done = dict[str, Row]()
+    with progress_bar("sweep", len(variations), progress) as advance:
+        try:
+            for name, row in _solved(study, variations, executor):
+                done[name] = row if store is None else store.add(name, variations[name], row)
+                advance(done[name]["error"] or f"{done[name]['load_factor']:.6g}")
+        except KeyboardInterrupt:
+            return done, True
+        finally:
+            if store is not None:
+                store.flush()
+    return done, False
 
 
-def _columns(done: Mapping[str, Row], table: DataFrame) -> list[str]:
-    """Returns the names of result columns, and of measured ones: stored rows have NaN in columns
-    that only other rows of the folder measured."""
+def _solved(
+    study: Study, variations: Mapping[str, Row], executor: Any
+) -> Iterator[tuple[str, Row]]:
+    """Yields rows with their names, as they come. To other processes they go in groups of up to 20:
+    a task costs 1 ms in a process pool, some 5 ms on a cluster."""
+    todo = [(name, variations[name]) for name in nearest_first(variations)]
+    size = 1 if executor is None else min(max(1, len(todo) // 100), 20)
+    groups = iter([todo[i : i + size] for i in range(0, len(todo), size)])
+    for group, rows in searched(study, partial(next, groups, None), executor):
+        yield from zip((name for name, _ in group), rows, strict=True)
+
+
+def _joined(table: DataFrame, rows: Sequence[Row | None]) -> DataFrame:
+    """Returns the variations that have a row, with its results, and with what was measured. Stored
+    rows have NaN in columns that only others of the folder measured."""
+    pandas = needed("pandas", "frames", "sweeps")
+    done = {i: row for i, row in enumerate(rows) if row is not None}
     known, measured = {*RESULTS, *table.columns, KEY, IDENTITY, PROOF}, dict[str, None]()
     for row in done.values():
         is_new = KEY not in row
         measured |= {name: None for name, x in row.items() if is_new or (x is not None and x == x)}
-    return [*RESULTS, *(name for name in measured if name not in known)]
+    columns = [*RESULTS, *(name for name in measured if name not in known)]
+    found = pandas.DataFrame(list(done.values()), columns=columns)
+    result: DataFrame = pandas.concat(
+        [table.iloc[list(done)].reset_index(drop=True), found], axis=1
+    )
+    return result
 
 
 def _about(study: Study) -> dict[str, str]:
@@ -192,56 +204,3 @@ def _base(scenes: Any) -> dict[str, Any] | None:
     """Returns the varied scene as a document, with which rows can be proved again; None for a
     function."""
     return scene_to_dict(scenes) if isinstance(scenes, Scene) else None
-
-
-def solved(study: Any, todo: Mapping[str, Row], executor: Any) -> Iterator[Keyed]:
-    """Yields rows by name as they come; ``study`` is anything whose ``row`` answers a variation."""
-    if executor is None:
-        known = Structures()
-        for name in nearest_first(todo):
-            yield name, study.row(todo[name], known)
-        return
-    blob = packed(study)
-    token = hashlib.blake2b(blob, digest_size=12).hexdigest()
-    waiting = iter(_tasks(nearest_first(todo)))
-    pool, running = _pool(executor), dict[Future[list[Row]], Sequence[str]]()
-    try:
-        while True:
-            for names in waiting:
-                task = pool.submit(work, token, blob, [todo[name] for name in names])
-                running[task] = names
-                if len(running) >= 256:  # a large cluster's workers, or the memory here
-                    break
-            if not running:
-                return
-            done = wait(running, return_when=FIRST_COMPLETED).done
-            for task in sorted(done, key=lambda task: task.exception() is not None):
-                yield from zip(running.pop(task), task.result(), strict=True)
-    except BrokenProcessPool as error:
-        raise ModelError(
-            "a process of the pool died (out of memory?): rows stored in a path are kept, and the "
-            "same call with a new executor goes on from there"
-        ) from error
-    finally:
-        for task in running:
-            task.cancel()
-
-
-def _tasks(names: Sequence[str]) -> list[Sequence[str]]:
-    """Returns names in groups of up to 20: a task costs 1 ms in a process pool, some 5 ms on a
-    cluster."""
-    size = min(max(1, len(names) // 100), 20)
-    return [names[i : i + size] for i in range(0, len(names), size)]
-
-
-def _pool(executor: Any) -> Executor:
-    """Returns an executor of :mod:`concurrent.futures`, which a Dask client provides."""
-    if isinstance(executor, Executor):
-        return executor
-    if hasattr(executor, "get_executor"):
-        pool: Executor = executor.get_executor(pure=False)
-        return pool
-    raise InputError(
-        "executor must be a concurrent.futures executor or a Dask client, got "
-        f"{executor!r:.60}: write ProcessPoolExecutor(), or Client(cluster)"
-    )

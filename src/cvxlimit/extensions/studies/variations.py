@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from inspect import Parameter, Signature, signature
 from itertools import product
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from cvxlimit.base.checks import count, finite_vector, positive
+from cvxlimit.base.checks import count, finite_vector, meant, positive
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.strengths import PROPERTIES
@@ -89,6 +89,47 @@ def _taken() -> Signature:
 
 
 varied.__signature__ = _taken()  # type: ignore[attr-defined]
+
+
+@dataclass(frozen=True)
+class Family:
+    """Scenes by parameters: those of :func:`varied` on one ``source``, or of a function that
+    returns scenes."""
+
+    source: Scene | Callable[..., Scene]
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """By name, as the function takes them."""
+        if not isinstance(self.source, Scene):
+            return dict(signature(self.source).parameters)
+        return {k: v for k, v in signature(varied).parameters.items() if k != "scene"}
+
+    def check(self, given: Iterable[str], others: Iterable[str] = ()) -> None:
+        """Raises InputError if no scene has parameters of these names, or lacks one. ``others`` may
+        be meant."""
+        own, source = self.parameters, self.source
+        try:
+            Signature(list(own.values())).bind(**dict.fromkeys(given))
+        except TypeError as error:
+            who = f"function {getattr(source, '__name__', 'of scenes')!r}"
+            if isinstance(source, Scene):
+                who = f"scene {source.name!r}"
+            why = f"cannot be called: {error}"
+            if unknown := [name for name in given if name not in own]:
+                near = meant(unknown[-1], [*own, *others])
+                why = f"has no parameter {unknown[-1]!r}" + (f" ({near})" if near else "")
+            also = ", and options of solve may be varied as well" if others else ""
+            raise InputError(f"{who} {why}; its parameters are {', '.join(own)}{also}") from error
+
+    def scene(self, parameters: Mapping[str, Any]) -> Scene:
+        """Returns the scene of these parameters."""
+        if isinstance(self.source, Scene):
+            _ = self.source.geometry, self.source.dead_forces  # copies that have the same keep them
+            return varied(self.source, **parameters)
+        scene = self.source(**parameters)
+        check_scene(scene)
+        return scene
 
 
 def _resized(scene: Scene, size: float) -> Scene:

@@ -136,17 +136,9 @@ def animation(
             f"the solution of {solution.scene_name!r} has no mechanism ({solution.status}): there "
             "is nothing to set in motion"
         )
-    made = figures()
-    figure, shown = made.assembled(drawing, seen(drawing), made.Sheet(**options))
-    figure.set_dpi(DPI)
-    forth: list[Bytes] = []
-    for share in (0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, number // 2 + 1))).tolist():
-        part = replace(drawing, moving=replace(moving, scale=share * moving.scale))
-        for artist in shown:
-            artist.remove()
-        shown = made.draw_seen(figure.axes[0], seen(part), 1.0)
-        forth.append(figure.pixels())
-    return Animation((*forth, *forth[-2:0:-1]))
+    shares = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, number // 2 + 1))
+    motions = [replace(moving, scale=share * moving.scale) for share in shares.tolist()]
+    return Animation(forth_and_back(frames_of(drawing, motions, **options)))
 
 
 ALIKE = 0xF8F8F8
@@ -164,19 +156,30 @@ def _palette(frame: Bytes) -> bytes:
     return np.stack([kept >> 16, (kept >> 8) & 255, kept & 255], axis=1).astype(np.uint8).tobytes()
 
 
+def forth_and_back(frames: Sequence[Bytes]) -> tuple[Bytes, ...]:
+    """Frames from the first to the last, and back to the second."""
+    return (*frames, *frames[-2:0:-1])
+
+
 def frames_of(
-    drawing: Drawing, motions: Sequence[Motion], texts: Sequence[str], options: dict[str, Any]
-) -> list[Any]:
-    """Pixels of a drawing in each of its motions, with a text below it."""
-    toolkit = figures()
-    figure, artists = toolkit.assembled(drawing, seen(drawing), toolkit.Sheet(**options))
+    drawing: Drawing, motions: Sequence[Motion], texts: Sequence[str] = (), **options: Any
+) -> list[Bytes]:
+    """Pixels of a drawing in each of its motions, with a text below the title.
+
+    All are drawn on one figure: the blocks of the last one are removed, everything else stays.
+    """
+    made = figures()
+    figure, shown = made.assembled(drawing, seen(drawing), **options)
     figure.set_dpi(DPI)
-    # Frames are drawn on one figure: the blocks of the last one are removed, the axes stay.
-    forward = []
+    axes, texts = figure.axes[0], texts or [""] * len(motions)
+    said = axes.set_title(texts[0], fontsize=8, pad=14)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    frames = []
     for motion, text in zip(motions, texts, strict=True):
-        for artist in artists:
+        for artist in shown:
             artist.remove()
-        artists = toolkit.draw_seen(figure.axes[0], seen(replace(drawing, moving=motion)), 1.0)
-        artists.append(figure.text(0.02, 0.02, text, fontsize=8))
-        forward.append(figure.pixels())
-    return forward
+        shown = made.draw_seen(axes, seen(replace(drawing, moving=motion)), 1.0)
+        said.set_text(text)
+        frames.append(figure.pixels())
+    return frames

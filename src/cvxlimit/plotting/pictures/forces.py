@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,16 +27,11 @@ THREADS = 0.1
 threads around the few lines by which the structure stands."""
 
 
-@dataclass(frozen=True)
-class _Numbers:
-    """``far`` is the opacity of the force farthest from the viewer over the nearest's. A structure
-    is planar whose joints all lie within ``upright`` (sine) of being across one plane."""
+FAR = 0.35
+"""Opacity of the force farthest from the viewer over the nearest's: it is still seen on paper."""
 
-    far: float = 0.35
-    upright: float = 0.1
-
-
-_N = _Numbers()
+ACROSS = 0.1
+"""Sine of the angle within which the joints of a planar structure are across one plane."""
 
 
 @picture
@@ -44,8 +39,8 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     """Resultants: the force that each joint exerts on the block above it, at its pressure centre.
 
     Arrows are as long, wide and dark as the force; below 2 % of the largest there is none. Loads
-    are those at collapse. Dead load, live load and forces in joints each have a bar in their
-    colour that states their scale. Parameters and errors as for
+    are those at collapse. Dead load, live load and forces in joints each have a scale of their own:
+    the legend says what the longest arrow of each stands for. Parameters and errors as for
     :func:`mechanism`; besides, a solution must have forces. Planar structures are seen straight
     from the front unless ``viewer`` says otherwise.
     """
@@ -65,8 +60,8 @@ def forces(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     ends = np.stack([place[shown] - each * vectors[shown], place[shown]], axis=1)
     label = "force on the block above"
     drawing = _with_forces(
-        solution, viewer, f"loads and forces in the joints at collapse; forces above "
-        f"{100 * FAINTEST:g} % of the largest, {largest:.3g} {scene.units.force}",
+        solution, viewer, "loads and forces in the joints at collapse; forces above "
+        f"{100 * FAINTEST:g} % of the largest",
         ends, size[shown] / largest,
         Lines(ends, 0.6 + 1.4 * size[shown] / largest, Style.force, label, heads=True, each=each),
     )  # fmt: skip
@@ -85,7 +80,7 @@ def thrust(solution: Solution, *, viewer: Viewer = None) -> Drawing:
     """
     scene = solution.scene
     found = forces_of(scene, solution)
-    ends, size = thrust_lines(scene, found)
+    ends, size, _ = thrust_lines(scene, found)
     largest = float(size.max(initial=0.0)) or 1.0
     share = size / largest
     _, place = pressure_centres(scene.contacts, found)
@@ -110,29 +105,14 @@ def _with_forces(
     drawing = at_rest(solution, viewer or front, caption, notes=annotated(scene), glass=not is_flat)
     if not is_flat and len(ends):
         depth = ends.mean(axis=1) @ drawing.camera.axes[2]
-        opacity = opacity * (
-            _N.far + (1.0 - _N.far) * (depth - depth.min()) / (np.ptp(depth) or 1.0)
-        )
+        opacity = opacity * (FAR + (1.0 - FAR) * (depth - depth.min()) / (np.ptp(depth) or 1.0))
     return replace(drawing, lines=replace(lines, opacity=opacity))
 
 
-def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Thrust lines that are drawn: ends (k, 2, 3), and the compressions (k,) they carry."""
-    return _thrust(scene, found)[:2]
-
-
-def thrust_of_blocks(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Thrust lines that are drawn: ends (k, 2, 3), shares of the largest, blocks (k,)."""
-    ends, size, block = _thrust(scene, found)
-    largest = float(size.max(initial=0.0)) or 1.0
-    return ends, size / largest, block
-
-
-def _thrust(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Ends (k, 2, 3), compression (k,) and block (k,) of each line, without the faintest.
-
-    ``found`` are the forces (n, 6) of the contacts, the third of which is the compression.
-    """
+def thrust_lines(scene: Scene, found: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Thrust lines that are drawn: ends (k, 2, 3), the compressions (k,) they carry, and the blocks
+    (k,) they run through. ``found`` are the forces (n, 6) of the contacts, the third of which is
+    the compression."""
     contacts = scene.contacts
     _, place = pressure_centres(contacts, found)
     normal = found[:, 2]
@@ -172,4 +152,4 @@ def _is_planar(scene: Scene) -> bool:
     thin = thin_axis(scene)
     across = np.abs(scene.contacts.axes[:, 2] @ thin).max(initial=0.0)
     push = np.abs(scene.live_forces[:, :3] @ thin).max(initial=0.0)
-    return bool(across < _N.upright and push <= 1e-9 * np.abs(scene.live_forces).max(initial=0.0))
+    return bool(across < ACROSS and push <= 1e-9 * np.abs(scene.live_forces).max(initial=0.0))

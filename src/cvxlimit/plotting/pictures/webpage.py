@@ -16,14 +16,16 @@ import cvxlimit.plotting.look as look
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS
-from cvxlimit.plotting.annotations import Annotations, Marking, annotated, refused, shapes_of
+from cvxlimit.plotting.annotations import Marking, refused
 from cvxlimit.plotting.camera import default_camera, thin_axis, upright
+from cvxlimit.plotting.contents import Drawing, scene_drawing
 from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.picture import drawn_mesh, shown_bounds
-from cvxlimit.plotting.pictures.forces import thrust_of_blocks
+from cvxlimit.plotting.pictures.forces import thrust_lines
+from cvxlimit.plotting.pictures.mechanism import mechanism_of
 from cvxlimit.plotting.pictures.utilisation import used_shares
 from cvxlimit.plotting.style import Style
-from cvxlimit.results.movement import Motion, displaced, free_size, motion, still
+from cvxlimit.results.movement import Motion, displaced, free_size
 from cvxlimit.results.utilisation import contact_forces, least_used_state
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
@@ -59,10 +61,10 @@ def page(scene: Scene, solution: Solution) -> Page:
     keyboard too, and is saved as a picture. Texts from the scene are data to the page, never
     markup.
     """
-    moving = motion(scene, solution)
-    marking = look.moving_joints(scene, moving)
-    data = _page_data(scene, moving, marking, annotated(scene))
-    forces, what = contact_forces(scene, solution), moving.contacts
+    drawing = mechanism_of(scene, solution)
+    forces, what = contact_forces(scene, solution), drawing.moving.contacts
+    advice, more = _said(solution)
+    data = _page_data(drawing) | {"advice": advice, "more": more, "speedText": look.SPEED_TEXT}
     data["contacts"] |= {
         "opening": _short(what.widest),
         "slip": _short(what.slip),
@@ -71,23 +73,6 @@ def page(scene: Scene, solution: Solution) -> Page:
     }
     if forces is not None:
         data |= _strength_data(scene, solution, forces)
-    advice, more = _said(solution)
-    data |= {
-        "shapes": [
-            {
-                "points": _coordinates(scene, shape.points),
-                "moves": _coordinates(scene, shape.moves),
-                "colour": shape.colour,
-                "text": shape.text,
-                "zone": shape.is_zone,
-            }
-            for shape in shapes_of(scene, solution, moving)
-        ],
-        "title": look.title(solution),
-        "advice": advice,
-        "more": more,
-        "speedText": look.SPEED_TEXT,
-    }
     return framed("viewer.html", data)
 
 
@@ -124,14 +109,14 @@ def _strength_data(scene: Scene, solution: Solution, forces: FloatArray) -> dict
         used = used_shares(shown, scene)
     except InputError:  # of a surface of one's own only the name is left
         state, used = "", np.full(len(scene.contacts), np.nan)
-    ends, share, block = thrust_of_blocks(scene, forces)
+    ends, size, block = thrust_lines(scene, forces)
     return {
         "useStops": Style.use,
         "useText": f"{look.USE_TEXT} {state}",
         "used": [None if np.isnan(u) else round(min(u, 1.0), 4) for u in used.tolist()],
         "thrust": {
             "ends": _coordinates(scene, ends.reshape(-1, 3)),
-            "share": _short(share),
+            "share": _short(size / size.max(initial=0.0)),
             "block": block.tolist(),
         },
     }
@@ -143,22 +128,19 @@ def scene_page(scene: Scene, refusal: InputError | None = None) -> Page:
     Blocks, supports, joints by how they lie, loads and near misses; what is under the pointer is
     named. Of a refused scene the blocks to blame are red and the places ringed.
     """
-    reason = refusal or refused(scene)
-    marking = None if reason else look.scene_joints(scene)
-    notes = annotated(scene, reason)
-    data = _page_data(scene, still(scene), marking, notes)
+    drawing = scene_drawing(scene, None, refusal or refused(scene))
+    reason = drawing.notes.refusal
     counts = "" if reason else f"{len(scene.contacts.faces)} contacts, "
     weight = f"weight {scene.total_weight:.6g} {scene.units.force}, friction {scene.friction:g}"
     advice = f"refused: {reason}" if reason else counts + weight
-    data |= {"title": look.scene_title(scene), "advice": advice, "refused": reason is not None}
-    return framed("viewer.html", data)
+    return framed("viewer.html", _page_data(drawing) | {"advice": advice})
 
 
 def path_page(scene: Scene, motions: Sequence[Motion], told: dict[str, Any]) -> Page:
     """The configurations of a path, one at each stop of a slider, beside the curve of its load
     factor; ``told`` are title, advice, and the ``path`` with its texts."""
     farthest = max(motions, key=lambda moving: moving.largest)
-    data = _page_data(scene, farthest, None, Annotations())
+    data = _page_data(Drawing(scene, farthest, default_camera(scene, farthest)))
     mesh = drawn_mesh(scene)
     points = [displaced(scene, moving, mesh.points, mesh.point_block) for moving in motions]
     reach = np.concatenate([shown_bounds(scene), *points])
@@ -196,15 +178,17 @@ def _as_script_data(data: dict[str, Any]) -> str:
     return text
 
 
-def _page_data(
-    scene: Scene, moving: Motion, marking: Marking | None, notes: Annotations
-) -> dict[str, Any]:
+def _page_data(drawing: Drawing) -> dict[str, Any]:
+    """What the page shows of a drawing."""
+    scene, moving = drawing.scene, drawing.moving
+    marking, notes = drawing.marking, drawing.notes
     return {
+        "title": drawing.heading,
         "units": {"length": scene.units.length, "force": scene.units.force},
         "bounds": _coordinates(scene, shown_bounds(scene)),
         "size": free_size(scene),
         "up": upright(scene).tolist(),
-        "viewer": default_camera(scene, moving).axes[2].tolist(),
+        "viewer": drawing.camera.axes[2].tolist(),
         "front": thin_axis(scene).tolist(),
         "used": None,
         "thrust": None,
@@ -213,8 +197,8 @@ def _page_data(
         "largest": moving.largest,
         "stops": Style.speed,
         "stone": Style.stone,
-        "stoneText": "block (no mechanism)" if moving.is_solved else "block",
-        "refused": False,
+        "stoneText": drawing.blocks,
+        "refused": bool(notes.refusal),
         "mesh": _mesh_data(scene),
         "blocks": _block_data(scene, moving, notes.culprits),
         "contacts": _contact_data(scene, marking),
@@ -224,12 +208,23 @@ def _page_data(
             {"text": marking.texts[kind], "colour": colour, "code": int(kind)}
             for kind, colour in marking.colours.items()
         ],
-        "shapes": [],
-    } | _notes_data(scene, notes)
+    } | _notes_data(drawing)
 
 
-def _notes_data(scene: Scene, notes: Annotations) -> dict[str, Any]:
+def _notes_data(drawing: Drawing) -> dict[str, Any]:
+    """Crushed zones, ties, arrows of loads, and places to look at."""
+    scene, notes = drawing.scene, drawing.notes
     return {
+        "shapes": [
+            {
+                "points": _coordinates(scene, shape.points),
+                "moves": _coordinates(scene, shape.moves),
+                "colour": shape.colour,
+                "text": shape.text,
+                "zone": shape.is_zone,
+            }
+            for shape in drawing.shapes
+        ],
         "arrows": [
             {
                 "ends": _coordinates(scene, np.array([arrow.tail, arrow.tip])),

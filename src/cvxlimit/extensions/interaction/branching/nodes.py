@@ -22,7 +22,7 @@ from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.extensions.interaction.states.support import Range, box_keys
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import centres
@@ -127,6 +127,16 @@ class Relaxer:
         self.closed = -np.inf
         self.experience = Experience(len(self.contacts))
         self._pieces: dict[Key, ColumnBlock] = {}
+
+    def __call__(self, task: tuple[Sequence[Node], Goal]) -> Explored:
+        """Explores nodes for a goal."""
+        return explore(self, *task)
+
+    def __reduce__(self) -> tuple[type[Relaxer], tuple[object, ...]]:
+        """What another process makes it of anew: factorisations stay behind."""
+        assemblage, opening = self.certifier.assemblage, self.certifier.witnesses.opening_field
+        bare = replace(assemblage, balance=Balance.of(assemblage.statics), strengths={})
+        return Relaxer, (bare, self.moments, self.ladder, opening)
 
     def begun(self) -> None:
         self.solves, self.closed = 0, -np.inf

@@ -19,16 +19,16 @@ side of the contact (e1, e2), low and high end, as fractions of the half extents
 from __future__ import annotations
 
 import heapq
-import uuid
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from dataclasses import dataclass, replace
+from concurrent.futures import Executor
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.extensions.interaction.branching.nodes import Explored, Goal, Node, Relaxer, explore
+from cvxlimit.base.search import searched
+from cvxlimit.extensions.interaction.branching.nodes import Explored, Goal, Node, Relaxer
 from cvxlimit.extensions.interaction.branching.tightening import tightened_root
 from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.extensions.interaction.restriction.inner import InnerMethod
@@ -37,53 +37,8 @@ from cvxlimit.extensions.interaction.settings import BRANCH
 from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.methods.driver import Run
-from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import centres
-from cvxlimit.solvers import LimitState, Outcome, SolverSettings
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """A relaxer on its way to another process, which makes it anew from these parts.
-
-    Attributes
-    ----------
-    key : str
-        The name of the relaxer, by which the process knows it again.
-    assemblage, moments, ladder
-        The scene without factorisations, the reading of Eq. 30, and the solvers.
-    opening : (free, 6) array or None
-        A mechanism that opens every joint, for the certifier.
-    """
-
-    key: str
-    assemblage: Assemblage
-    moments: Moments
-    ladder: tuple[SolverSettings, ...]
-    opening: FloatArray | None
-
-    @classmethod
-    def of(cls, key: str, relaxer: Relaxer, assemblage: Assemblage) -> Task:
-        """Returns the task of a relaxer."""
-        opening = relaxer.certifier.witnesses.opening_field
-        # Factorisations cannot be sent to another process.
-        bare = replace(assemblage, balance=Balance.of(assemblage.statics), strengths={})
-        return cls(key, bare, relaxer.moments, relaxer.ladder, opening)
-
-    def __call__(self, nodes: Sequence[Node], goal: Goal) -> Explored:
-        """Explores nodes in this process, which keeps the relaxer for the next ones."""
-        relaxer = _relaxers.get(self.key)
-        if relaxer is None:
-            relaxer = Relaxer(self.assemblage, self.moments, self.ladder, self.opening)
-            _relaxers.clear()
-            _relaxers[self.key] = relaxer
-        return explore(relaxer, nodes, goal)
-
-
-_relaxers: dict[str, Relaxer] = {}
-"""The relaxer of this process by its key, one at a time."""
-
+from cvxlimit.solvers import LimitState, Outcome
 
 _State = tuple[FloatArray, float]
 """Forces (n, 6), and the load factor with which they are in equilibrium."""
@@ -147,16 +102,16 @@ class BranchAndBound:
         self._booked_forces: FloatArray | None = None
         self._nodes_since_settling, self._nodes_between = 0, 1
         self._noted_gap, self._is_tightened = np.inf, False
-        self._executor, self._workers = executor, max(workers, 1)
-        self._task: Task | None = None
-        self._running: dict[Future[Explored], list[Node]] = {}
+        self._under_way: list[Node] = []
+        # One node waits where others are explored elsewhere: no worker idles.
+        self._explored = searched(self.relaxer, self._next, executor, max(workers, 1) + 1)
         self._start(outer)
 
     @property
     def upper(self) -> float:
         """The upper bound: the largest bound of all nodes."""
-        running = (node.bound for nodes in self._running.values() for node in nodes)
-        return max([self.closed, self.lower, *(-key for key, *_ in self.open[:1]), *running])
+        under_way = (node.bound for node in self._under_way)
+        return max([self.closed, self.lower, *(-key for key, *_ in self.open[:1]), *under_way])
 
     @property
     def width(self) -> float:
@@ -167,7 +122,7 @@ class BranchAndBound:
     @property
     def can_go_on(self) -> bool:
         """True if nodes are open and the gap is wider than asked for."""
-        return bool(self.open or self._running) and self.upper - self.lower > self.width
+        return bool(self.open or self._under_way) and self.upper - self.lower > self.width
 
     def _goal(self) -> Goal:
         """Returns what nodes have to reach as bounds are now."""
@@ -203,39 +158,26 @@ class BranchAndBound:
         self._book()
 
     def step(self) -> None:
-        """Takes one step: tightens the root, explores the nodes with the largest bounds, or waits
-        for some that other processes explore."""
-        if self._executor is not None and self._is_tightened:
-            self._step_elsewhere(self._executor)
-        elif self._is_tightened:
-            nodes = self._next()
-            with self.run.clock.phase("solve"):
-                self._take(nodes, explore(self.relaxer, nodes, self._goal()))
-        else:
-            (_, _, root), clock = heapq.heappop(self.open), self.run.clock
-            self._is_tightened, has_time = True, lambda: clock.elapsed < self._until
-            with clock.phase("solve"):
-                explored = tightened_root(self.relaxer, root, self._goal(), has_time)
-                self._take([root], explored)
+        """Takes one step: tightens the root, or explores the nodes with the largest bounds, which
+        may mean to wait for some that other processes explore."""
+        with self.run.clock.phase("solve"):
+            if self._is_tightened:
+                (nodes, _), explored = next(self._explored)
+                self._under_way = [node for node in self._under_way if node not in nodes]
+            else:
+                nodes, clock = [heapq.heappop(self.open)[2]], self.run.clock
+                self._is_tightened, has_time = True, lambda: clock.elapsed < self._until
+                explored = tightened_root(self.relaxer, nodes[0], self._goal(), has_time)
+            self._take(nodes, explored)
         self._book()
 
-    def _next(self) -> list[Node]:
-        """Takes the nodes with the largest bounds off the heap, and returns them: several at a time
-        where they have few contacts."""
-        count = max(1, BRANCH.at_a_time // len(self.run.contacts))
-        return [heapq.heappop(self.open)[2] for _ in range(min(count, len(self.open)))]
-
-    def _step_elsewhere(self, executor: Executor) -> None:
-        """Keeps all workers busy, and takes the children of the nodes that are explored first."""
-        if self._task is None:
-            self._task = Task.of(uuid.uuid4().hex, self.relaxer, self.run.assemblage)
-        while self.open and len(self._running) <= self._workers:  # One node waits: no worker idles.
-            nodes = self._next()
-            self._running[executor.submit(self._task, nodes, self._goal())] = nodes
-        with self.run.clock.phase("solve"):
-            done, _ = wait(self._running, return_when=FIRST_COMPLETED)
-        for future in done:
-            self._take(self._running.pop(future), future.result())
+    def _next(self) -> tuple[Sequence[Node], Goal] | None:
+        """Takes the nodes with the largest bounds off the heap, and returns them with what they
+        have to reach: several at a time where they have few contacts, None while none is open."""
+        count = min(max(1, BRANCH.at_a_time // len(self.run.contacts)), len(self.open))
+        nodes, goal = [heapq.heappop(self.open)[2] for _ in range(count)], self._goal()
+        self._under_way += nodes
+        return (nodes, goal) if nodes else None
 
     def _take(self, nodes: Sequence[Node], explored: Explored) -> None:
         """Takes the children of explored nodes in, settles at the best of them, and climbs where

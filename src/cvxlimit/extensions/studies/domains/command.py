@@ -1,7 +1,5 @@
 """``cvxlimit domain``: all load vectors that a structure carries, enclosed with proof."""
 
-# ruff: noqa: RUF009  # options are field() of dataclasses
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -14,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import EFFORT, OUTPUT, argument, command_of, named_values, option, vector
+from cvxlimit.cli.options import Command, named_values, vector
 from cvxlimit.cli.report import SCENE_PICTURES, ExitCode, facts, files_asked, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
@@ -26,67 +24,68 @@ from cvxlimit.solution import Status
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
-    """What ``cvxlimit domain`` is asked."""
+class DomainCommand(Command):
+    """Enclose all load vectors that a structure carries beside its dead load.
 
-    scene: str = argument()
-    load: list[str] | None = option(
-        "NAME=X,Y,Z",
-        "A live load, two or three of them: NAME=X,Y,Z is an acceleration in multiples of gravity, "
-        "NAME=BLOCK:FX,FY,FZ a force at a block's centroid. Unless given: a_x=1,0,0 and a_y=0,1,0.",
-    )
-    surface: list[str] | None = option(
-        "NAME",
-        "Yield surface: conic, octagon, 16-gon ..., or exact; several are compared. Unless given: "
-        "conic.",
-    )
-    method: str = option(
-        "NAME",
-        "Method, as for solve: convex (default), exact, certified or zero-dilatancy.",
-        "convex",
-    )
-    tolerance: float = option(
-        "T", "Relative gap in the worst direction; 0.01 unless given.", 0.01, group=EFFORT
-    )
-    plot: Path | None = option(
-        "OUT.png|.html", "Draw the load domain; .svg and .pdf as well.", group=OUTPUT
-    )
-    json: Path | None = option(
-        "OUT",
-        "Write the domain to this JSON file after every solve; the same command continues from it.",
-        group=OUTPUT,
-    )
+    Model
+    -----
+    load : NAME=X,Y,Z
+        A live load, two or three of them: NAME=X,Y,Z is an acceleration in multiples of gravity,
+        NAME=BLOCK:FX,FY,FZ a force at a block's centroid. Unless given: a_x=1,0,0 and a_y=0,1,0.
+    surface : NAME
+        Yield surface: conic, octagon, 16-gon ..., or exact; several are compared. Unless given:
+        conic.
+    method : NAME
+        Method, as for solve: convex (default), exact, certified or zero-dilatancy.
 
+    Effort
+    ------
+    tolerance : T
+        Relative gap in the worst direction; 0.01 unless given.
 
-@command_of(Asked)
-def domain_command(asked: Asked) -> ExitCode:
-    """Enclose all load vectors that a structure carries beside its dead load."""
-    written = files_asked(asked, "json", plot=SCENE_PICTURES)
-    surfaces = asked.surface or ["conic"]
-    if len(surfaces) > 1 and asked.json is not None:
-        raise InputError("--json takes one domain: give one --surface")
-    loads = _loads(asked.load) if asked.load else None
+    Output
+    ------
+    plot : OUT.png|.html
+        Draw the load domain; .svg and .pdf as well.
+    json : OUT
+        Write the domain to this JSON file after every solve; the same command continues from it.
+    """
 
-    def enclosed(tell: Tell) -> LoadDomain | DomainComparison:
-        scene, told = scene_named(asked.scene), with_result(tell)
-        if len(surfaces) > 1:
-            return compare_domains(scene, surfaces, loads, asked.tolerance, progress=told)
-        method: Any = "exact" if surfaces[0] == "exact" else asked.method
-        surface: Any = "conic" if surfaces[0] == "exact" else surfaces[0]
-        return load_domain(
-            scene, loads, asked.tolerance,
-            surface=surface, method=method, path=asked.json, progress=told,
-        )  # fmt: skip
+    scene: str
+    load: list[str] | None = None
+    surface: list[str] | None = None
+    method: str = "convex"
+    tolerance: float = 0.01
+    plot: Path | None = None
+    json: Path | None = None
 
-    found = interruptible(enclosed)
-    domains = [found] if isinstance(found, LoadDomain) else list(found.domains.values())
-    if asked.plot is not None:
-        found.plot(str(asked.plot))
-    for domain in domains:
-        show(_summary(domain, written))
-    if isinstance(found, DomainComparison):
-        show(Text(found.to_dataframe().to_string(index=False, float_format="{:.4g}".format)))
-    return _verdict(domains)
+    def run(self) -> ExitCode:
+        written = files_asked(self, "json", plot=SCENE_PICTURES)
+        surfaces = self.surface or ["conic"]
+        if len(surfaces) > 1 and self.json is not None:
+            raise InputError("--json takes one domain: give one --surface")
+        loads = _loads(self.load) if self.load else None
+
+        def enclosed(tell: Tell) -> LoadDomain | DomainComparison:
+            scene, told = scene_named(self.scene), with_result(tell)
+            if len(surfaces) > 1:
+                return compare_domains(scene, surfaces, loads, self.tolerance, progress=told)
+            method: Any = "exact" if surfaces[0] == "exact" else self.method
+            surface: Any = "conic" if surfaces[0] == "exact" else surfaces[0]
+            return load_domain(
+                scene, loads, self.tolerance,
+                surface=surface, method=method, path=self.json, progress=told,
+            )  # fmt: skip
+
+        found = interruptible(enclosed)
+        domains = [found] if isinstance(found, LoadDomain) else list(found.domains.values())
+        if self.plot is not None:
+            found.plot(str(self.plot))
+        for domain in domains:
+            show(_summary(domain, written))
+        if isinstance(found, DomainComparison):
+            show(Text(found.to_dataframe().to_string(index=False, float_format="{:.4g}".format)))
+        return _verdict(domains)
 
 
 def _summary(domain: LoadDomain, written: Sequence[tuple[str, str]]) -> Table:

@@ -336,24 +336,16 @@ class LoadDomain:
             If pandas is not installed.
         """
         pandas = needed("pandas", "frames", "tables")
-        rows = []
+        plain = ("offset", "point_is_proved", "half_space_is_proved", "is_mirrored")
+        rows, none = [], np.full(len(self.names), np.nan)
         for s in self.supports:
-            row: dict[str, Any] = {}
-            for what, vector in (
-                ("direction", s.direction), ("point", s.point), ("ray", s.ray), ("normal", s.normal)
-            ):  # fmt: skip
-                values = np.full(len(self.units), np.nan) if vector is None else vector
-                row |= {f"{what} {n}": x for n, x in zip(self.names, values, strict=True)}
-            rows.append(
-                row
-                | {
-                    "offset": s.offset,
-                    "point_is_proved": s.point_is_proved,
-                    "half_space_is_proved": s.half_space_is_proved,
-                    "is_mirrored": s.is_mirrored,
-                    "solver": s.solution.history[-1].solver if s.solution else "",
-                }
-            )
+            row = dict[str, Any]()
+            for what in ("direction", "point", "ray", "normal"):
+                vector = getattr(s, what)
+                numbers = zip(self.names, none if vector is None else vector, strict=True)
+                row |= {f"{what} {name}": x for name, x in numbers}
+            row |= {what: getattr(s, what) for what in plain}
+            rows.append(row | {"solver": s.solution.history[-1].solver if s.solution else ""})
         table: DataFrame = pandas.DataFrame(rows)
         table.attrs = {"scene": self.scene_name, "surface": self.surface, "gap": self.gap}
         return table

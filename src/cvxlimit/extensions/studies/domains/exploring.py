@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Iterator, Mapping
-from inspect import Parameter, signature
 from itertools import count
 from typing import Any
 
@@ -14,7 +13,7 @@ from cvxlimit.base.checks import finite_vector, is_number
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import CvxlimitError, InputError, ModelError
 from cvxlimit.extensions.studies.domains.search import load_domain, named_loads
-from cvxlimit.extensions.studies.variations import varied
+from cvxlimit.extensions.studies.variations import Family
 from cvxlimit.geometry.strengths import PROPERTIES
 from cvxlimit.methods.solving import solve
 from cvxlimit.plotting.look import DIGITS
@@ -52,12 +51,13 @@ class Explorer:
         self, scenes: Scene | Callable[..., Scene], loads: Any, tolerance: float,
         options: Mapping[str, Any], ranges: Mapping[str, Any],
     ) -> None:  # fmt: skip
-        self.scenes, self.tolerance, self.options = scenes, tolerance, dict(options)
+        self.family, self.tolerance, self.options = Family(scenes), tolerance, dict(options)
         self._answers = count()
-        self.sliders = {name: _range(scenes, name, given) for name, given in ranges.items()}
+        self.family.check(ranges)
+        self.sliders = {name: _range(self.family, name, given) for name, given in ranges.items()}
         self.values = {name: start for name, (_, _, start) in self.sliders.items()}
         self.loads = named_loads(loads)
-        self.scene = self._made()
+        self.scene = self.family.scene(self.values)
         if len(self.loads) != 2:
             raise InputError(f"two loads can be explored, got {len(self.loads)}")
         self.domain = self._enclosed()
@@ -67,10 +67,6 @@ class Explorer:
         reach = REACH * np.abs(self.point / self.domain.units).max() * self.domain.units
         self.frame = np.stack([-reach, reach])
         self.state = self._under_point()
-
-    def _made(self) -> Scene:
-        given, values = self.scenes, dict[str, Any](self.values)
-        return varied(given, **values) if isinstance(given, Scene) else given(**values)
 
     def _enclosed(self) -> Any:
         return load_domain(
@@ -87,7 +83,7 @@ class Explorer:
         """Other parameters: the mechanism under the point first, by one solve, then the domain."""
         self.values = {**self.values, **values}
         try:
-            self.scene = self._made()
+            self.scene = self.family.scene(self.values)
             if not self.point.any():  # no load, of which there is no factor
                 self.domain = self._enclosed()
                 yield self.move(self.point)
@@ -188,8 +184,6 @@ def explore(
     """
     if not callable(scenes):
         check_scene(scenes)
-    elif lacking := _without_range(scenes, ranges):
-        raise InputError(f"parameter {lacking[0]!r} has neither a default nor a range: give one")
     if not ranges and isinstance(scenes, Scene):
         ranges = {"friction": (0.5 * scenes.friction, 2.0 * scenes.friction or 1.0)}
     options = {"surface": surface, "model": model}
@@ -228,15 +222,7 @@ def widget(explorer: Explorer) -> Any:
     return made
 
 
-def _without_range(scenes: Callable[..., Scene], ranges: Mapping[str, Any]) -> list[str]:
-    needed_ones = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
-    return [
-        name for name, p in signature(scenes).parameters.items()
-        if p.kind in needed_ones and p.default is Parameter.empty and name not in ranges
-    ]  # fmt: skip
-
-
-def _range(scenes: Any, name: str, given: Any) -> tuple[float, float, float]:
+def _range(family: Family, name: str, given: Any) -> tuple[float, float, float]:
     """Ends of a slider, and where it stands first: as the scene has it, or the function."""
     numbers = tuple(given) if isinstance(given, (tuple, list)) else ()
     is_known = len(numbers) in (2, 3) and all(is_number(x) and np.isfinite(x) for x in numbers)
@@ -245,12 +231,9 @@ def _range(scenes: Any, name: str, given: Any) -> tuple[float, float, float]:
             f"range of {name!r} must be a least and a larger number, got {given!r:.60}: write "
             f"{name}=(0.3, 0.9)"
         )
-    known = signature(varied if isinstance(scenes, Scene) else scenes).parameters
-    if name not in known:
-        raise InputError(f"there is no parameter {name!r}: choose among {', '.join(known)}")
-    usual = known[name].default
-    if isinstance(scenes, Scene) and name in PROPERTIES:
-        usual = getattr(scenes, name)
+    usual = family.parameters[name].default
+    if isinstance(family.source, Scene) and name in PROPERTIES:
+        usual = getattr(family.source, name)
     first = numbers[2] if len(numbers) == 3 else usual
     low, high = float(numbers[0]), float(numbers[1])
     is_usable = is_number(first) and np.isfinite(first)

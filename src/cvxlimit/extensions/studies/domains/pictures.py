@@ -73,7 +73,7 @@ def draw_domain(
 def _drawn(domains: Sequence[Any], **options: Any) -> Any:
     """Returns the figure of domains of the same two or three loads."""
     is_flat = len(domains[0].units) == 2
-    chart = figures("chart").Chart.of(options, (6.2, 5.4), None if is_flat else "3d")
+    chart = figures("sheet").Sheet.of((6.2, 5.4), None if is_flat else "3d", **options)
     ax, first, frame = chart.axes, domains[0], _frame(domains)
     for domain, colour in zip(domains, cycle(Style.series), strict=False):
         label = _label(domain) if len(domains) > 1 else "carried"
@@ -94,7 +94,6 @@ def _drawn(domains: Sequence[Any], **options: Any) -> Any:
                 [], [], "o", ms=3.5, mfc=face, mec=Style.thin, mew=0.8, label=_POINTS[is_mirrored]
             )
     chart.write(_title(domains))
-    chart.write_legend()
     return chart.figure
 
 

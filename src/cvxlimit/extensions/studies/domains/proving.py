@@ -1,28 +1,49 @@
-"""A load domain proved again: every point, ray and half-space, from what its solutions hold."""
+"""A load domain proved again: every point, ray and half-space, from what its solutions hold.
+
+Forces in equilibrium with loads p, inside all surfaces, show that p is carried; a mechanism u shows
+that all loads that are carried have p . (f_live . u) <= what contacts take up - f_dead . u. So each
+support of the domain is made anew from the forces and the mechanism of its solution, and held
+against the one made: its point, its ray, its half-space, and what its solution says of itself.
+What holds of the domain as a whole, its gap and its status, follows from these.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.studies.domains.document import DOMAIN
 from cvxlimit.extensions.studies.domains.domain import WINDOW, LoadDomain
 from cvxlimit.extensions.studies.domains.images import Raw
 from cvxlimit.extensions.studies.domains.search import METHODS, Search, Study, status_of
 from cvxlimit.extensions.studies.domains.supports import Support
 from cvxlimit.io.scenes import scene_digest
-from cvxlimit.methods.answer import Answer
-from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, unseen, unseen_fields
-from cvxlimit.proving.derived import derived_checks, words_of_method
+from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, proved, unseen, unseen_fields
+from cvxlimit.proving.derived import asked_checks, bound_checks, derived_checks, words_of_method
 from cvxlimit.proving.prove import Proof, Scenes, scene_of
-from cvxlimit.proving.solutions import as_solved, known_or_asked, solution_checks
+from cvxlimit.proving.solutions import known_or_asked, solution_checks
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import combined
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
 from cvxlimit.surfaces.coulomb import surfaces_named, words_of
+
+_LOOKED_AT = (
+    "surface", "method", "loads", "units", "supports", "status", "tolerance", "is_convex",
+    "scene_digest", "scene_name",
+)  # fmt: skip
+
+
+def prove_domain(what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
+    """A load domain, or what a file of one holds; see :func:`cvxlimit.prove`."""
+    domain = what if isinstance(what, LoadDomain) else DOMAIN.from_dict(what)
+    given = scene_of(domain.scene_name, domain.scene_digest, scene, {"dead"})
+    checks = DomainAgain(domain, given, own).checks()
+    return Proof(f"load domain of {domain.scene_name!r}", tuple(checks))
 
 
 class DomainAgain:
@@ -31,8 +52,8 @@ class DomainAgain:
     def __init__(self, domain: LoadDomain, scene: Scene, own: Mapping[str, Any]) -> None:
         self.domain, self.scene, self.own = domain, scene, own
         named = own["surface"] or surfaces_named(*words_of(domain.surface).values())
-        self.surface = known_or_asked(named, domain.scene_name, "surface", domain.surface)
-        options = {"surface": self.surface, "ladder": None, "model": "auto"}
+        surface = known_or_asked(named, domain.scene_name, "surface", domain.surface)
+        options = {"surface": surface, "ladder": None, "model": "auto"}
         if own["moments"] is not None:
             options["moments"] = own["moments"]
         loads = tuple(domain.loads.values())
@@ -42,6 +63,7 @@ class DomainAgain:
 
     def checks(self) -> Iterator[Check]:
         domain, units = self.domain, self.structure.units
+        # What nothing else means anything without.
         if domain.method not in METHODS:
             yield Check(f"method {domain.method!r}", False, f"none of {', '.join(METHODS)}")
             return
@@ -50,8 +72,16 @@ class DomainAgain:
             return
         if domain.is_convex != (domain.method in ("convex", "exact")):
             yield Check("convexity", False, f"method {domain.method!r} says otherwise")
-        found = self._supports() if domain.method == "convex" else self._solutions()
-        yield from _counted(list(found))
+        # The supports: those that are proved are counted, the others are told one by one.
+        number = Counter[str]()
+        for check in self._supports() if domain.method == "convex" else self._solutions():
+            if check.is_met and check.kind == "proved":
+                number[check.claim.split(" ")[0]] += 1
+            else:
+                yield check
+        for kind, many in number.items():
+            yield Check(f"{many} {kind}{'s' * (many != 1)}", True)
+        # What follows from them, and what was not looked at.
         if domain.is_convex and not domain.is_empty:
             yield Check(f"gap of {domain.gap_said}", True, "by points and half-spaces")
         status, claim = status_of(domain), f"status {str(domain.status)!r}"
@@ -59,82 +89,45 @@ class DomainAgain:
         if domain.status is Status.INTERRUPTED and not status.is_good:
             yield unseen(claim, told)
         else:
-            is_met = domain.status is status
-            yield follows(claim, is_met, told if is_met else f"{told}: it is {str(status)!r}")
-        seen = {"surface", "method", "loads", "units", "supports", "status", "tolerance"}
-        seen |= {"is_convex", "scene_digest", "scene_name"}
+            but = f"{told}: it is {str(status)!r}"
+            yield follows(claim, domain.status is status, but, told)
         if domain.scene_name != self.scene.name:
             yield unseen("scene", f"of that name, {domain.scene_name!r}")
-        yield from unseen_fields(domain, seen)
+        yield from unseen_fields(domain, _LOOKED_AT)
         if not domain.scene_digest:
             yield unseen("scene_digest", "the file has none")
         yield unseen("direction, is_mirrored")
 
+    # Without interaction: forces and mechanisms are checked in all directions of loads at once
+
     def _supports(self) -> Iterator[Check]:
         structure, supports = self.structure, self.domain.supports
-        raws = [self._raw(s) for s in supports]
+        raws = [structure.said(s) for s in supports]
         if not structure.has_reference:
             known = [raw for raw in raws if raw is not None and not raw.is_ray]
             structure.refer_to([r for r in known if np.abs(r.factors).max() < 0.5 * WINDOW])
         for i, (s, raw) in enumerate(zip(supports, raws, strict=True)):
-            if raw is None:
-                yield from self._without_forces(i, s)
-                continue
-            again = structure.proved(raw)
-            yield from self._compared(i, s, again)
-            yield from self._own(i, s, raw, again)
+            again = self._without_forces(s) if raw is None else structure.proved(raw)
+            if again.point is None and structure.certifier.witnesses.dead_state is not None:
+                centre = structure.centre * structure.units
+                yield from self._compared(i, s, replace(again, point=centre, point_is_proved=True))
+            else:
+                yield from self._compared(i, s, again)
+            if raw is not None:
+                yield from self._own(i, s, raw, again)
 
-    def _raw(self, s: Support) -> Raw | None:
-        """What a solver may have said, of which nothing is believed."""
-        solution, run, units = s.solution, self.structure.run, self.structure.units
-        if solution is None or solution.forces is None or s.loaded is None:
-            return None
-        if solution.forces.shape != (len(run.contacts), 6):
-            return None
-        own, rates = as_solved(solution, run)
-        given = forces = np.array(own)
-        about = s.loaded / units
-        is_lost = rates is None and solution.mechanism is not None
-        rates = s.rates if solution.mechanism is None else rates
-        if is_lost or (rates is not None and len(rates) != len(self.scene.free)):
-            return None
-        if self.structure.certifier.strength.is_internal:
-            if solution.internal is None:
-                return None
-            given = solution.internal
-        factors = about * (solution.load_factor or 0.0)
-        if s.ray is not None:
-            load = self.structure.forces @ about
-            taken = self.structure.assemblage.statics.matrix @ forces.ravel()
-            factors = about * max(-float(taken @ load) / float(load @ load), 0.0)
-        return Raw(s.direction / units, factors, forces, given, rates, s.ray is not None,
-                   solution.history[-1], s.is_mirrored)  # fmt: skip
-
-    def _compared(self, i: int, s: Support, again: Support) -> Iterator[Check]:
-        units = self.structure.units
-        for name in ("point", "ray"):
-            held, found = getattr(s, name), getattr(again, name)
-            if held is None:
-                continue
-            is_near = found is not None and _is_near(held / units, found / units)
-            if name == "point" and not is_near and self._is_centre(held):
-                yield Check(f"point {i}", True)
-                continue
-            holds = name == "ray" or again.point_is_proved or not s.point_is_proved
-            shows = "none" if found is None else np.round(found, 6).tolist()
-            yield Check(f"{name} {i}", is_near and holds,
-                        "" if is_near and holds else f"the forces show {shows}")  # fmt: skip
-        if np.isfinite(s.offset):
-            mine = np.append(s.normal * units, s.offset)
-            other = np.append(again.normal * units, again.offset)
-            is_near = bool(np.isfinite(other).all()) and _is_near(mine, other)
-            holds = is_near and (again.half_space_is_proved or not s.half_space_is_proved)
-            yield Check(f"half-space {i}", holds, "" if holds else
-                        "the mechanism shows another one, or none")  # fmt: skip
+    def _without_forces(self, s: Support) -> Support:
+        """What needs no forces: loads whose sum is none are a ray."""
+        ray = s.ray
+        if ray is not None:
+            load = self.structure.forces @ (ray / self.structure.units)
+            if np.abs(load).max() > SLACK * np.abs(self.structure.forces).max():
+                ray = None
+        return Support(s.direction, None, ray, np.zeros_like(s.normal), np.inf)
 
     def _own(self, i: int, s: Support, raw: Raw, again: Support) -> Iterator[Check]:
-        """That forces as they are held carry the loads, and the solution's own bracket."""
-        structure = self.structure
+        """That forces as they are held carry the loads, and what the solution says of itself."""
+        structure, held, found = self.structure, s.solution, again.solution
         load = structure.forces @ raw.factors + (0.0 if raw.is_ray else structure.dead)
         taken = structure.assemblage.statics.matrix @ raw.forces.ravel()
         left, size = np.abs(taken + load).max(), np.abs(load).max()
@@ -142,118 +135,85 @@ class DomainAgain:
         if rests_on_forces and not left <= RESIDUAL * max(size, np.abs(structure.dead).max()):
             off = left / max(size, 1e-300)
             yield Check(f"forces {i}", False, f"they miss equilibrium by {off:.1e}")
-        held, found = s.solution, again.solution
-        if held is None or found is None or s.loaded is None:
+        if held is None or found is None:
             return
         if not rests_on_forces:
             yield unseen("load_factor", "of answers that carry nothing")
-        at = self.scene.with_live(combined(list(self.domain.loads.values()), s.loaded))
-        for check in (*self._asked(held, at), *self._beside(held, found, raw)):
+        if (held.load_factor is None) != (found.load_factor is None):
+            yield Check(f"load factor of {i}", False, f"{found.load_factor} is shown")
+        bracket = found.bracket
+        if again.point is None:  # the lower bound is that of the dead load alone, see above
+            bracket = replace(bracket, lower=held.lower, lower_is_proved=True)
+        if held.bracket.least != bracket.least:
+            but = f"it is {bracket.least:.7g}"
+            yield Check(f"least size {held.bracket.least:.7g} of {i}", False, but)
+        for check in bound_checks(held, bracket, 1.0):
+            if not check.is_met:
+                yield replace(check, claim=f"{check.claim} of {i}")
+        for check in (*self._asked(held, self._loaded(s)), *derived_checks(held, found)):
             claim = check.claim if check.is_met else f"{check.claim} of {i}"
             yield replace(check, claim=claim, found="" if check.is_met else check.found)
-        for end in ("lower", "upper"):
-            first, second = getattr(held, end), getattr(found, end)
-            if end == "lower" and again.point is None:  # that of the dead load alone, see above
-                continue
-            if first != second and not _is_near(np.array([first]), np.array([second])):
-                yield Check(f"{end} bound of {i}", False, f"{second:.7g} is shown")
 
-    def _beside(self, held: Solution, found: Solution, raw: Raw) -> Iterator[Check]:
-        """What a solution says beside its numbers."""
-        if held.bracket.least != found.bracket.least:
-            yield Check(f"least size {held.bracket.least:.7g} of the bracket", False)
-        if (held.load_factor is None) != (found.load_factor is None):
-            yield Check("load factor", False, f"{found.load_factor} is shown")
-        structure, scene = self.structure, found.scene
-        live = structure.run.assemblage.under(structure.dead, scene.live_forces.ravel())
-        run = structure.run.auxiliary_run(live)
-        run.given = scene
-        mechanism = None if held.mechanism is None else raw.mechanism
-        answer = Answer(found.load_factor, forces=held.forces, mechanism=mechanism)
-        if structure.certifier.strength.is_internal:
-            answer = replace(answer, internal=held.internal)
-        yield from derived_checks(held, run, answer)
-
-    def _asked(self, held: Solution, scene: Scene) -> Iterator[Check]:
-        """That a solution is of the question that the domain is of."""
-        domain = self.domain
-        asked: dict[str, Any] = words_of(domain.surface) | words_of_method(domain.method)
-        asked |= {"quantity": LOAD_FACTOR, "blocks": len(scene.free)}
-        if held.scene_digest:
-            asked |= {"scene_digest": scene_digest(scene)}
-        for name, value in asked.items():
-            if (own := getattr(held, name)) != value:
-                yield Check(f"{name} {own!r}", False, f"the domain has {value!r}")
-
-    def _without_forces(self, i: int, s: Support) -> Iterator[Check]:
-        """Loads whose sum is none; the dead load alone, if a state that carries it is known."""
-        structure, units = self.structure, self.structure.units
-        if s.ray is not None:
-            load = structure.forces @ (s.ray / units)
-            is_met = bool(np.abs(load).max() <= SLACK * np.abs(structure.forces).max())
-            yield Check(f"ray {i}", is_met, "" if is_met else "there are no forces that carry it")
-        if s.point is not None:
-            is_met = self._is_centre(s.point)
-            yield Check(f"point {i}", is_met, "" if is_met else "there are no forces that carry it")
-        if np.isfinite(s.offset):
-            yield Check(f"half-space {i}", False, "there is no mechanism that shows it")
-
-    def _is_centre(self, point: Any) -> bool:
-        """True for the loads that a state strictly inside all surfaces carries."""
-        has_state = self.structure.certifier.witnesses.dead_state is not None
-        return has_state and _is_near(point / self.structure.units, self.structure.centre)
+    # Otherwise: each direction has a solution of its own
 
     def _solutions(self) -> Iterator[Check]:
-        """Each direction with a solution of its own."""
-        domain, loads = self.domain, list(self.domain.loads.values())
-        seen = dict[int, list[Check]]()
+        domain, units = self.domain, self.domain.units
+        known = dict[int, list[Check]]()
         for i, s in enumerate(domain.supports):
             solution = s.solution
             if solution is None or s.loaded is None:
                 yield Check(f"point {i}", False, "there is no solution that shows it")
                 continue
-            key, at = id(solution), self.scene.with_live(combined(loads, s.loaded))
-            if key not in seen:
-                surface = None if self.own["surface"] is None else self.surface
-                own = {**self.own, "surface": surface}
-                seen[key] = solution_checks(solution, at, **own)
-            for check in seen[key]:
+            at = self._loaded(s)
+            if id(solution) not in known:
+                known[id(solution)] = solution_checks(solution, at, **self.own)
+            for check in known[id(solution)]:
                 is_counted = check.kind == "proved" or not check.is_met
                 claim = f"{check.claim} of {i}" if is_counted else check.claim
                 yield replace(check, claim=claim, found=check.found if is_counted else "")
-            yield from (replace(c, claim=f"{c.claim} of {i}") for c in self._asked(solution, at))
-            made = list(self.search._of_solution(s.direction / domain.units, solution))
-            if np.isfinite(s.offset):
-                yield from (
-                    c for c in self._compared(i, s, made[0]) if c.claim.startswith("half-space")
-                )
-            if s.point is not None:
-                points = [m.point for m in made if m.point is not None]
-                is_met = any(_is_near(s.point / domain.units, p / domain.units) for p in points)
-                yield Check(f"point {i}", is_met, "" if is_met else "its solution shows another")
+            for check in self._asked(solution, at):
+                yield replace(check, claim=f"{check.claim} of {i}")
+            # of several members each has a point of its own
+            made = [*self.search._of_solution(s.direction / units, solution)]
+            near = [m for m in made if s.point is None or _is_near(s.point, m.point, units)]
+            yield from self._compared(i, s, (near or made)[0])
+
+    # What both have
+
+    def _loaded(self, s: Support) -> Scene:
+        """The scene under the live load that a support's solution is of."""
+        loads = list(self.domain.loads.values())
+        return self.scene.with_live(combined(loads, np.asarray(s.loaded)))
+
+    def _asked(self, held: Solution, scene: Scene) -> Iterator[Check]:
+        """That a solution is of the question that the domain is of."""
+        asked: dict[str, Any] = words_of(self.domain.surface) | words_of_method(self.domain.method)
+        asked |= {"quantity": LOAD_FACTOR, "blocks": len(scene.free)}
+        if held.scene_digest:
+            asked["scene_digest"] = scene_digest(scene)
+        return asked_checks(held, asked, "a solution says")
+
+    def _compared(self, i: int, s: Support, again: Support) -> Iterator[Check]:
+        """The point, the ray and the half-space of a support against those made anew."""
+        units = self.structure.units
+        shows = None if again.point is None else np.round(again.point, 6).tolist()
+        if s.point is not None:
+            holds = again.point_is_proved or not s.point_is_proved
+            is_met = holds and _is_near(s.point, again.point, units)
+            yield proved(f"point {i}", is_met, f"the forces show {shows}")
+        if s.ray is not None:
+            is_met = _is_near(s.ray, again.ray, units)
+            yield proved(f"ray {i}", is_met, f"the forces show {again.ray}")
+        if np.isfinite(s.offset):
+            own, other = (np.append(x.normal * units, x.offset) for x in (s, again))
+            holds = again.half_space_is_proved or not s.half_space_is_proved
+            is_met = holds and _is_near(own, other)
+            yield proved(f"half-space {i}", is_met, "the mechanism shows another one, or none")
 
 
-def _is_near(first: Any, second: Any) -> bool:
-    scale = max(1.0, float(np.abs(first).max(initial=0.0)))
-    return bool(np.abs(first - second).max(initial=0.0) <= SLACK * scale)
-
-
-def _counted(checks: Sequence[Check]) -> Iterator[Check]:
-    """Those that are met as numbers of a kind, the others one by one."""
-    kinds = dict[str, int]()
-    for check in checks:
-        if check.is_met and check.kind == "proved":
-            kind = check.claim.rsplit(" ", 1)[0].split(" ")[0]
-            kinds[kind] = kinds.get(kind, 0) + 1
-        else:
-            yield check
-    for kind, number in kinds.items():
-        yield Check(f"{number} {kind}{'s' * (number != 1)}", True)
-
-
-def prove_domain(what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
-    """A load domain, or what a file of one holds; see :func:`cvxlimit.prove`."""
-    domain = what if isinstance(what, LoadDomain) else DOMAIN.from_dict(what)
-    given = scene_of(domain.scene_name, domain.scene_digest, scene, {"dead"})
-    checks = DomainAgain(domain, given, own).checks()
-    return Proof(f"load domain of {domain.scene_name!r}", tuple(checks))
+def _is_near(own: FloatArray, other: FloatArray | None, units: Any = 1.0) -> bool:
+    """Whether two vectors are the same, as multiples of ``units``."""
+    if other is None or not np.isfinite(other).all():
+        return False
+    scale = max(1.0, float(np.abs(own / units).max(initial=0.0)))
+    return bool(np.abs((own - other) / units).max(initial=0.0) <= SLACK * scale)

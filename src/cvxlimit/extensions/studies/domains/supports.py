@@ -1,4 +1,15 @@
-"""One question to a structure: how far do loads reach in a direction? Answered with proof."""
+"""One question to a structure: how far do loads reach in a direction? Answered with proof.
+
+A solver maximises d @ p over load factors p and contact forces within all surfaces that balance the
+dead load and p times the live loads. Nothing of its answer is believed (:class:`Raw`):
+
+- its forces are put into equilibrium, and mixed with those of a state strictly inside until they
+  are within all surfaces: that makes a *point* p which is carried;
+- its mechanism u is opened until the flow rule allows it. No loads can do more power on it than
+  contacts dissipate: p @ (live @ u) <= dissipation(u) - dead @ u is a *half-space* that holds all;
+- forces that carry p without the dead load, within the surfaces' cones of recession, make a *ray*:
+  any multiple of it is carried besides.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +38,7 @@ from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
+from cvxlimit.proving.solutions import as_solved
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load, combined
@@ -159,6 +171,7 @@ class Structure:
         self.centre = np.zeros(len(loads))
         sizes, ways = np.linalg.svd(self.forces, full_matrices=False)[1:]
         self.idle = ways[sizes <= 1e-12 * sizes.max()]
+        self._field_was_sought = False
         self._problems: dict[float | None, tuple[_Reach, LimitProgram]] = {}
         self._proved: WeakKeyDictionary[Raw, Support] = WeakKeyDictionary()
 
@@ -238,6 +251,33 @@ class Structure:
             )
             self._problems[dead] = reach, problem
         return self._problems[dead]
+
+    def said(self, s: Support) -> Raw | None:
+        """Returns what a solver may have said that made a support, of which nothing is believed;
+        None if there are no forces of these contacts."""
+        solution, run = s.solution, self.run
+        if solution is None or solution.forces is None or s.loaded is None:
+            return None
+        if solution.forces.shape != (len(run.contacts), 6):
+            return None
+        own, rates = as_solved(solution, run)
+        given = forces = np.array(own)
+        is_lost = rates is None and solution.mechanism is not None
+        rates = s.rates if solution.mechanism is None else rates
+        if is_lost or (rates is not None and len(rates) != len(run.given.free)):
+            return None
+        if self.certifier.strength.is_internal:
+            if solution.internal is None:
+                return None
+            given = solution.internal
+        about = s.loaded / self.units
+        factors = about * (solution.load_factor or 0.0)
+        if s.ray is not None:  # a ray has no load factor: as much as its forces carry
+            load = self.forces @ about
+            taken = self.assemblage.statics.matrix @ forces.ravel()
+            factors = about * max(-float(taken @ load) / float(load @ load), 0.0)
+        return Raw(s.direction / self.units, factors, forces, given, rates, s.ray is not None,
+                   solution.history[-1], s.is_mirrored)  # fmt: skip
 
     # What is proved of it
 
@@ -342,7 +382,7 @@ class Structure:
         certifier = self.certifier
         if raw.mechanism is None or not np.isfinite(raw.mechanism).all():
             return none
-        if not self._has_field:
+        if not self._field_was_sought and certifier.witnesses.opening_field is None:
             self._seek_field()
         opened = certifier.opened(raw.mechanism)
         motion, size = opened.rates.ravel(), np.abs(opened.rates).ravel()
@@ -362,12 +402,9 @@ class Structure:
             offset += opened.missing * REFERENCE * max(acting, largest)
         return normal / length, offset / length, opened.is_allowed
 
-    @cached_property
-    def _has_field(self) -> bool:
-        return self.certifier.witnesses.opening_field is not None
-
     def _seek_field(self) -> None:
-        self._has_field = True  # asked once
+        """Gives the certifier rates that open all contacts, if a solver finds some."""
+        self._field_was_sought = True
         problem = LimitProgram(
             self.assemblage, self.surfaces, goal=largest_self_stress, reduction=self.reduction
         )
