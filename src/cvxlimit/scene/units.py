@@ -12,6 +12,9 @@ METRES = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.30
 KILONEWTONS = {"kN": 1.0, "N": 1e-3, "MN": 1e3}
 """Units of force that can be converted, in kilonewtons."""
 
+G = 9.81
+"""Acceleration of gravity, m/s2, as codes have it: between masses and weights."""
+
 
 @dataclass(frozen=True)
 class Units:

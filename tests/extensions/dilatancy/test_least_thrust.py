@@ -136,7 +136,7 @@ class TestProofs:
                 assert above > -1e-7 * scene.total_weight
 
     def test_interrupted_searches_keep_what_is_proved(self) -> None:
-        result = lower_bound(Run(builtin_scene("arch")), 1.0, seconds=0.0)
+        result = lower_bound(Run(builtin_scene("arch")), 1.0, most=0)
         assert result.is_cut
         assert result.load_factor == 0.0
 

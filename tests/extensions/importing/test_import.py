@@ -454,11 +454,11 @@ def test_a_block_model_with_materials_supports_and_transformations(tmp_path: Pat
     path = tmp_path / "model.json"
     path.write_text(json.dumps(block_model()))
     asked: dict[str, Any] = {"length_unit": "m", "up": "z", "friction": 0.5, "live": (1, 0, 0)}
-    with pytest.raises(InputError, match=r"density 2000 in the file.*--density-factor 0.00980665"):
+    with pytest.raises(InputError, match=r"density 2000 in the file.*--density-factor 0.00981"):
         import_geometry(path, **asked)
-    scene = import_geometry(path, density_factor=0.00980665, **asked).scene
+    scene = import_geometry(path, density_factor=0.00981, **asked).scene
     assert scene.supports == ("0",)
-    assert scene.blocks[1].density == pytest.approx(19.6133)
+    assert scene.blocks[1].density == pytest.approx(19.62)
     assert scene.blocks[1].vertices.min(axis=0).tolist() == [10.0, 0.0, 1.0]
     assert scene.contacts.names == ("0-1",)
     assert solve(scene).load_factor == pytest.approx(0.5, rel=1e-5)

@@ -98,17 +98,28 @@ def test_local_failures_and_snaps_come_before_the_shares_of_d0() -> None:
     assert snapped.d0 == pytest.approx(check.d0)
 
 
-def test_where_joints_slide_the_check_is_of_the_finer_run_if_that_got_to_its_end() -> None:
+def test_where_joints_slide_the_check_is_of_the_run_with_the_least_d0() -> None:
+    """Which is the unfavourable end of their interval, whichever run it is of."""
     path = turning(wall(1), ANGLES)
-    lower = [replace(c, load_factor=0.9 * c.load_factor) for c in path]
-    fine = replace(path, configurations=tuple(lower))
-    check = code_check(replace(path, halved=fine, notes=("both",)))
-    assert check.acceleration == pytest.approx(0.9 * code_check(path).acceleration)
-    assert check.notes == ("both", "the check is of the run with half the step")
-    broken = replace(fine, configurations=fine.configurations[:3], status="not-converged")
-    check = code_check(replace(path, halved=broken, notes=("both",)))
+    short = replace(path, configurations=tuple(
+        replace(c, load_factor=path[0].load_factor * (1.0 - 2.0 * a / END))
+        for c, a in zip(path, ANGLES, strict=True)
+    ))  # fmt: skip
+    assert short.d0 < path.d0
+    for given, name in (
+        (replace(path, halved=short, notes=("both",)), "with half the step"),
+        (replace(short, halved=path, notes=("both",)), "with the whole step"),
+        (replace(path, other_flow=short, notes=("both",)), "by the other flow rule"),
+    ):
+        check = code_check(given)
+        assert check.d0 == code_check(short).d0
+        assert check.d_SLV == pytest.approx(0.4 * check.d0)
+        assert f"{check.d0:.4g} to {code_check(path).d0:.4g} by the step" in check.ends
+        assert check.notes == ("both", f"the check is of the run {name}: the least d0 of 2")
+    broken = replace(short, configurations=short.configurations[:2], status="not-converged")
+    check = code_check(replace(path, halved=broken))
     assert check.acceleration.tolist() == code_check(path).acceleration.tolist()
-    assert "not of the run with half the step" in check.notes[-1]
+    assert check.notes[-1].endswith("with the whole step: the least d0 of 2, and 1 ended before")
 
 
 def test_what_friction_at_points_adds_is_told() -> None:

@@ -54,7 +54,10 @@ def test_a_path_is_shown_written_and_drawn(run: Run) -> None:
 
 
 def test_a_path_of_a_file_goes_on(run: Run) -> None:
-    assert run("wall.json", "--step", "0.08", "--until", "0.1", "--json", "half.json")[0] == 0
+    code, out, _ = run("wall.json", "--step", "0.08", "--until", "0.1", "--json", "half.json")
+    assert code == 0
+    assert "reached: the load factor has come down to 0.1" in out
+    assert "zero" not in out  # which is not reached
     code, out, _ = run("half.json", "--json", "whole.json")
     assert code == 0
     assert read_path("whole.json").d0 == pytest.approx(0.2, abs=1e-8)

@@ -95,12 +95,12 @@ def test_what_is_followed_says_so_wherever_its_numbers_are(path: Path) -> None:
     assert (f"no bracket is proved for {without} of them" in path.headline) == bool(without)
     assert path.to_dataframe()["followed"].sum() == len(path) - 1
     figure = path.plot()
-    assert "followed" in figure.axes[0].get_title()
+    assert "followed" in figure.get_suptitle()
     labels = figure.axes[0].get_legend_handles_labels()[1]
     assert {"followed, not at rest", "zero-dilatancy, where blocks are followed"} <= set(labels)
     check = code_check(path)
     assert str(check).count("by step and flow") >= 3  # d0 and both limit states
-    assert "an interval" in check.plot().axes[0].get_title()
+    assert "an interval" in check.plot().get_suptitle()
 
 
 def test_files_of_what_is_followed_are_proved_again(path: Path, tmp_path: Any) -> None:

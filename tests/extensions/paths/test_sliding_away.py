@@ -74,7 +74,7 @@ def refused(path: Path, factor: float) -> None:
     table = check.to_dataframe()
     assert table["value"].isna().sum() == 1
     assert "stays level" in table["meaning"][table["value"].isna()].item()
-    assert "no d0" in check.plot().axes[0].get_title()
+    assert "no d0" in check.plot().get_suptitle()
 
 
 @pytest.mark.parametrize(("half", "flow"), [

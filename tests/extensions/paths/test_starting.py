@@ -48,7 +48,7 @@ def test_a_block_that_starts_on_its_edge_is_held_by_the_push(tmp_path: File) -> 
     path.save(tmp_path / "path.json")
     assert prove(tmp_path / "path.json").is_proved
     assert read_path(tmp_path / "path.json").initial is None
-    assert "displaced" in path.plot().axes[0].get_title()
+    assert "displaced" in path.plot().get_suptitle()
     with pytest.raises(InputError, match="starts displaced"):
         code_check(path)
 

@@ -1,4 +1,9 @@
-"""The solver with CVXPY's interface, and its row in the table of solvers."""
+"""The solver with CVXPY's interface, and its row in the table of solvers.
+
+A solve takes the program from CVXPY's matrices, the order of elimination and the points to start
+from of the solve before where they fit, minimises it (:mod:`.interior`), and keeps what the next
+solve may need.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType, SimpleNamespace
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import cvxpy.settings as keys
 import numpy as np
@@ -20,6 +25,7 @@ from cvxlimit.extensions.blockcone.interior import (
     INTERIOR,
     SOLVED,
     Program,
+    Result,
     minimised,
     order_of,
 )
@@ -75,93 +81,84 @@ class Blockwise(Matrices):
         solver_opts: _Named,
         solver_cache: Any = None,
     ) -> SimpleNamespace:
-        """Solve from CVXPY's matrices; the answer has the fields of Clarabel's."""
-        # The program, from CVXPY's matrices. ``kept`` is what CVXPY keeps from solve to solve.
+        """Solve from CVXPY's matrices; the answer has the fields of Clarabel's. ``solver_cache`` is
+        what CVXPY keeps from solve to solve of a problem."""
         options, kept = _checked(solver_opts), {} if solver_cache is None else solver_cache
-        dims, matrix = data[ConicSolver.DIMS], sp.csc_array(data[keys.A])
-        cones = dims.zero, dims.nonneg, list(dims.soc)
-        c, values, b = (np.asarray(v, float) for v in (data[keys.C], matrix.data, data[keys.B]))
-        matrix = sp.csc_array((values, matrix.indices, matrix.indptr), matrix.shape)
-        program = c, matrix, b, cones
+        # The program, from CVXPY's matrices: its pattern, and its numbers.
+        dims, given = data[ConicSolver.DIMS], sp.csc_array(data[keys.A])
+        c, values, b = (np.asarray(v, float) for v in (data[keys.C], given.data, data[keys.B]))
+        matrix = sp.csc_array((values, given.indices, given.indptr), given.shape)
+        program: Program = c, matrix, b, (dims.zero, dims.nonneg, list(dims.soc))
+        pattern = np.array([dims.zero, dims.nonneg, *dims.soc]), given.indices, given.indptr
+        numbers = tuple(part.copy() for part in (c, values, b)) if warm_start else ()
+        asked = dict(solver_opts), data.get("enough")
+        # What is known from the solve before: the order of elimination if the pattern is the same,
+        # and if all is, the answer.
+        before: _Solved | None = kept.get(self.name())
+        if before is None or not _are_equal(pattern, before.pattern):
+            before = None
+        is_same = before is not None and warm_start and _are_equal(numbers, before.numbers)
+        if before is not None and is_same and before.asked == asked:
+            return before.answer
+        order = order_of(program) if before is None else before.order
         # Points to start from: those of the last solve if it is to be warm, else any given ones.
+        # The same program starts cold under other options: a start, however good, would change the
+        # last digits.
         way: dict[int, Point] = kept.setdefault("way", {})
-        starts: list[Point] = [way[power] for power in sorted(way)]
-        if not warm_start:
-            starts = kept.get("starts", [])
-        # The same program again has the same answer, and starts cold under other options: a start,
-        # however good, would change the last digits.
-        question = _Question.of(program, solver_opts, data.get("enough")) if warm_start else None
-        before: _Question | None = kept.get("asked")
-        if question is not None and before is not None and before.has_program_of(question):
-            if before.options == question.options:
-                return cast(SimpleNamespace, kept["answer"])
-            starts = []
-        # The solve, once more without a start where that failed.
-        own = kept[self.name()] = _Ordered.of(kept.get(self.name()), program)
-        again = partial(
-            minimised, program, **options, enough=data.get("enough", np.inf), order=own.order
-        )
-        result = again(starts=starts)
+        starts = [way[power] for power in sorted(way)] if warm_start else kept.get("starts", [])
+        starts = [] if is_same else starts
+        # The solve, once more without a start where that failed, and what the next may need of it.
+        minimise = partial(minimised, program, **options, enough=data.get("enough", np.inf),
+                           order=order)  # fmt: skip
+        result = minimise(starts=starts)
         if starts and result.status != SOLVED:
-            result = again()
-        # What the next solve may need, and the answer.
+            result = minimise()
         way |= result.way
         if result.middle is not None:
             kept["middle"] = result.middle
-        answer = SimpleNamespace(
-            status=result.status,
-            x=result.point.x,
-            z=np.concatenate([result.point.y, result.point.z]),
-            obj_val=result.objective,
-            solve_time=result.seconds,
-            iterations=result.iterations,
-        )
+        answer = _answer(result)
+        kept[self.name()] = _Solved(pattern, order, numbers, asked, answer)
         if verbose:
-            heat = "warm" if starts else "cold"
-            keys.LOGGER.info(
-                f"{self.name()}: {len(c):,} variables, {len(b):,} rows, {len(dims.soc):,} cones; "
-                f"{result.iterations} iterations from a {heat} start, {result.seconds:.4f} s; "
-                f"{result.status}, objective {result.objective:.12g}"
-            )
-        kept |= {"asked": question, "answer": answer}
+            keys.LOGGER.info(f"{self.name()}: {_told(program, result, bool(starts))}")
         return answer
 
 
 @dataclass(frozen=True, eq=False)
-class _Question:
-    """The numbers of a program that was solved, and the options of the solve."""
+class _Solved:
+    """A program that was solved: the pattern of its cones and of its matrix with its order of
+    elimination, copies of its numbers if the solve was warm, the options, and the answer."""
 
-    numbers: tuple[NDArray[Any], ...]
-    options: tuple[object, ...]
-
-    @classmethod
-    def of(cls, program: Program, options: _Named, enough: float | None) -> _Question:
-        """Returns the question of a solve, with copies of its numbers."""
-        c, matrix, b, (zero, orthant, soc) = program
-        numbers = c, b, matrix.data, matrix.indices, matrix.indptr, np.array([zero, orthant, *soc])
-        return cls(tuple(part.copy() for part in numbers), (options, enough))
-
-    def has_program_of(self, other: _Question) -> bool:
-        """Returns True if both are about the same program."""
-        return all(map(np.array_equal, self.numbers, other.numbers))
-
-
-@dataclass(frozen=True, eq=False)
-class _Ordered:
-    """A program with its order of elimination, which the next program of this pattern takes."""
-
-    program: Program
+    pattern: tuple[NDArray[Any], ...]
     order: IntArray | None
+    numbers: tuple[NDArray[Any], ...]
+    asked: tuple[object, ...]
+    answer: SimpleNamespace
 
-    @classmethod
-    def of(cls, before: Any, program: Program) -> _Ordered:
-        """Returns ``before`` if the program has its pattern, otherwise the program ordered anew."""
-        if isinstance(before, _Ordered) and before.program[3] == program[3]:
-            one, other = before.program[1], program[1]
-            same = one.shape == other.shape and np.array_equal(one.indptr, other.indptr)
-            if same and np.array_equal(one.indices, other.indices):
-                return before
-        return cls(program, order_of(program))
+
+def _are_equal(some: tuple[NDArray[Any], ...], others: tuple[NDArray[Any], ...]) -> bool:
+    return len(some) == len(others) and all(map(np.array_equal, some, others))
+
+
+def _answer(result: Result) -> SimpleNamespace:
+    """Returns a result in the fields of Clarabel's."""
+    return SimpleNamespace(
+        status=result.status,
+        x=result.point.x,
+        z=np.concatenate([result.point.y, result.point.z]),
+        obj_val=result.objective,
+        solve_time=result.seconds,
+        iterations=result.iterations,
+    )
+
+
+def _told(program: Program, result: Result, is_warm: bool) -> str:
+    """Returns a line on a solve."""
+    c, _, b, (_, _, soc) = program
+    return (
+        f"{len(c):,} variables, {len(b):,} rows, {len(soc):,} cones; {result.iterations} "
+        f"iterations from a {'warm' if is_warm else 'cold'} start, {result.seconds:.4f} s; "
+        f"{result.status}, objective {result.objective:.12g}"
+    )
 
 
 def _checked(options: _Named) -> _Named:

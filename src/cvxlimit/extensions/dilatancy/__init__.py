@@ -2,9 +2,10 @@
 
 Its doors are ``cvxlimit.methods`` (``zero-dilatancy``), ``cvxlimit.readings`` (what is
 known of loads without a limit, what least thrusts prove) and ``cvxlimit.checks``. To read:
-``tresca.py``, friction held at its size; ``pair.py``, one solution; ``members.py``, what proves it;
-``zero_dilatancy.py``, the search for the lowest; ``agreement.py``, of several searches;
-``least_thrust.py``, bounds from below; ``unbounded.py``; ``proving.py``.
+``tresca.py``, friction held at its size; ``pair.py``, the two convex problems; ``members.py``, the
+check of a solution; ``descent.py``, how one is found; ``zero_dilatancy.py``, the search for the
+lowest; ``agreement.py``, what is said of them; ``least_thrust.py``, bounds from below;
+``unbounded.py``; ``proving.py``.
 """
 
 from cvxlimit.base.doors import Offered

@@ -14,7 +14,6 @@ carries no more than a.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -40,10 +39,10 @@ from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.base import number, stated
 from cvxlimit.surfaces.coulomb import strength_key
 
-PATIENCE = 2.0
-"""Seconds that an answer may always spend on this bound, else as many as it has taken so far: ten
-times what scenes of some fifty joints need, whose bounds must not hang on what else the machine
-does."""
+WORK = 30_000
+"""Convex problems times joints that a bound may take beside an answer, a few seconds: ten times
+what scenes of some fifty joints need. A count, so that no answer depends on how fast a machine is.
+"""
 
 _LOST = 1e-5
 """Of the total dead load, spread over all joints: what is known of a least thrust to so much is not
@@ -74,7 +73,7 @@ class LowerBound:
     rounds, solves : int
         Of least thrusts, and of convex problems in all.
     is_cut : bool
-        True if the time ended first; more of it may raise the bound.
+        True if the number of problems ran out first; more of them may raise the bound.
     """
 
     load_factor: float
@@ -89,7 +88,7 @@ def lower_bound(
     run: Run,
     upper: float,
     states: Iterable[tuple[FloatArray, float]] = (),
-    seconds: float = np.inf,
+    most: float = np.inf,
 ) -> LowerBound:
     """The largest load factor below which least thrusts exclude every solution without dilatancy.
 
@@ -102,18 +101,23 @@ def lower_bound(
         infinite where there is none.
     states : iterable of (forces (n, 6), load factor)
         Admissible states that are known: what they show need not be sought.
-    seconds : float
-        After which no further least thrust is sought; what those found by then exclude is.
+    most : float
+        Problems after which no further least thrust is sought; what those found by then exclude is.
     """
-    return _Search(run, upper, states, seconds).bound()
+    return _Search(run, upper, states, most).bound()
 
 
-def excluded_without_end(run: Run, start: float, seconds: float = np.inf) -> LowerBound:
+def affordable(run: Run) -> int:
+    """How many problems a bound may take beside the answer of a run, by :data:`WORK`."""
+    return WORK // max(len(run.contacts), 1)
+
+
+def excluded_without_end(run: Run, start: float, most: float = np.inf) -> LowerBound:
     """What least thrusts exclude from ``start`` on, of a load of which any multiple is carried with
     dilatancy. Where that is every solution, however large its load factor, the bound is infinite,
     and its ``forces`` carry the live load alone with the friction that least thrusts gain with the
     load factor."""
-    return _Search(run, np.inf, (), seconds).bound(start, has_end=False)
+    return _Search(run, np.inf, (), most).bound(start, has_end=False)
 
 
 def is_covered(run: Run) -> bool:
@@ -189,14 +193,14 @@ class _Search:
     """The search of one run: rounds of least thrusts, and the load factors that they exclude."""
 
     def __init__(
-        self, run: Run, upper: float, states: Iterable[tuple[FloatArray, float]], seconds: float
+        self, run: Run, upper: float, states: Iterable[tuple[FloatArray, float]], most: float
     ) -> None:
         if not is_covered(run):
             raise ModelError(
                 "no lower bound without dilatancy: it needs friction that grows with compression, "
                 "stated by surfaces"
             )
-        self.run, self.until, self.upper = run.auxiliary_run(), time.perf_counter() + seconds, upper
+        self.run, self.most, self.upper = run.auxiliary_run(), most, upper
         self.solves, self.factor, self.rise = 0, 0.0, _RISE
         self.random = np.random.default_rng(0)
         # parts without live load carry their dead load by themselves, however they do it
@@ -248,14 +252,14 @@ class _Search:
         return LowerBound(a, thrusts, whole, rounds, self.solves, is_cut)
 
     @property
-    def _is_late(self) -> bool:
-        return time.perf_counter() > self.until
+    def _is_spent(self) -> bool:
+        return self.solves >= self.most
 
     # Least thrusts
 
     def _tighten(self, factor: float) -> bool:
         """Seek the least thrust at a load factor of every joint whose bounds are still apart;
-        returns True if the time ended before."""
+        returns True if problems ran out before."""
         lost = _LOST * self.part.scaling.force / len(self.kept)
         self.factor, self.at.value = factor, factor / self.part.scaling.load_factor(1.0)
         is_asked = self._friction() == 0.0  # or need not be
@@ -265,7 +269,7 @@ class _Search:
             return np.asarray((gap > lost) & ~is_asked)
 
         while (is_open := opened()).any():  # all that are open at once: many come out at nothing
-            if self._is_late:
+            if self._is_spent:
                 return True
             if self._asked(is_open * self.random.uniform(size=len(is_open))) is None:
                 return False  # no state carries the load at this factor, or none was found
@@ -273,7 +277,7 @@ class _Search:
                 break
         line = [np.zeros(len(self.kept)) for _ in range(3)]
         while (is_open := opened()).any():
-            if self._is_late:
+            if self._is_spent:
                 break
             gap = self._friction() * (
                 self.thrusts.shown(factor) - self.thrusts.least(factor, factor)
@@ -318,7 +322,7 @@ class _Search:
         self, a: float, forces: FloatArray | None
     ) -> tuple[float, FloatArray | None, bool]:
         """Returns the end of the load factors that are excluded from ``a`` on, the forces that show
-        it, and whether the time ended first. Intervals are excluded one after the other; one is
+        it, and whether problems ran out first. Intervals are excluded one after the other; one is
         halved where friction of its least thrusts does not carry its end."""
         width = self.upper - a if np.isfinite(self.upper) else self.part.scaling.ratio
         while a < self.upper and not self.run.is_boundless(a):
@@ -329,7 +333,7 @@ class _Search:
                 forces = found
             rise = min(factor, end) - a
             a = max(a, a + rise)
-            if self._is_late:
+            if self._is_spent:
                 return a, forces, a < self.upper
             if factor >= end:
                 width *= 2.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import suppress
 from dataclasses import replace
 
@@ -10,16 +9,15 @@ import numpy as np
 
 from cvxlimit.base.arrays import SMALL
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.dilatancy.least_thrust import PATIENCE, excluded_without_end, is_covered
+from cvxlimit.extensions.dilatancy.least_thrust import affordable, excluded_without_end, is_covered
 from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Run
 from cvxlimit.solution import Member, Status
 from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
 
-_STEPS, _SECONDS = 50, 10.0
-"""Steps of the search for a solution that slides, and the least time that it may take: five times
-what those need in scenes of some ten joints, whose words must not hang on what else the machine
-does."""
+_TRIES, _SEARCHED = 50, 5
+"""Tries of the search for a solution that slides, and how many times the problems of a bound it may
+take: five times what those need in scenes of some ten joints."""
 
 
 def without_dilatancy(run: Run, start: float) -> Status:
@@ -27,19 +25,18 @@ def without_dilatancy(run: Run, start: float) -> Status:
     shows it in the run's best answer: forces that prove that it does none, or a solution that
     slides, and the load factor below which there is none.
 
-    The proof, and the search, may each take as long as the answer has taken so far. The search
+    Proof and search end after numbers of problems that go with the number of joints. The search
     ends early at a solution that is nearly proved to be the lowest.
     """
     if not is_covered(run):
         return Status.UNBOUNDED
     run.tell("bounding solutions without dilatancy from below")
-    seconds = run.clock.elapsed
-    bound = excluded_without_end(run, start, max(PATIENCE, seconds))
+    bound = excluded_without_end(run, start, affordable(run))
     if np.isinf(bound.load_factor):
         run.best = replace(run.best, forces=bound.forces, dilatancy=None)
         return Status.LIVE_LOAD_HARMLESS
     safe = bound.load_factor if bound.load_factor > start else 0.0
-    known, lowest = Dilatancy(np.inf, safe=safe), _lowest(run, start, safe, seconds)
+    known, lowest = Dilatancy(np.inf, safe=safe), _lowest(run, start, safe)
     if lowest is not None:
         relative = run.assemblage.statics.relative_rates(lowest.mechanism)
         joints = sliding_joints(run.scene, relative, lowest.mechanism)
@@ -48,18 +45,19 @@ def without_dilatancy(run: Run, start: float) -> Status:
     return Status.UNBOUNDED
 
 
-def _lowest(run: Run, start: float, safe: float, seconds: float) -> Member | None:
-    """The lowest solution without dilatancy above ``start`` that is found in the time."""
+def _lowest(run: Run, start: float, safe: float) -> Member | None:
+    """The lowest solution without dilatancy above ``start`` that is found."""
     statics = run.assemblage.statics
     moved = run.assemblage.under(statics.dead + start * statics.live, statics.live)
-    aside, until = run.auxiliary_run(moved), time.perf_counter() + max(_SECONDS, seconds)
+    aside = run.auxiliary_run(moved)
     lowest: Member | None = None
     with suppress(ModelError):  # it has no proof that it stands at the start
-        for step, _ in enumerate(ZeroDilatancy().steps(aside)):
+        for tries, _ in enumerate(ZeroDilatancy().steps(aside)):
             beyond = [m for m in aside.best.members if m.load_factor > 0.0]
             members = [replace(m, load_factor=m.load_factor + start) for m in beyond]
             lowest = min(members, key=lambda m: m.load_factor, default=None)
             is_least = lowest is not None and lowest.load_factor <= (1.0 + SMALL) * safe
-            if is_least or step >= _STEPS or time.perf_counter() > until:
+            is_over = tries >= _TRIES or len(aside.history) > _SEARCHED * affordable(run)
+            if is_least or is_over:
                 break
     return lowest

@@ -101,9 +101,9 @@ class Motion:
 
     def run(
         self, record: Record, along: FloatArray, until: float, kept: int, fall: float, g: float
-    ) -> tuple[Ending, tuple[str, ...]]:
-        """Runs up to the end; ``kept`` steps between two states that are kept, ``fall`` the root of
-        the smallest block's size over ``g``, a time."""
+    ) -> TimeHistory:
+        """Runs up to the end, and returns the motion; ``kept`` steps between two states that are
+        kept, ``fall`` the root of the smallest block's size over ``g``, a time."""
         model, data, mujoco = self.model, self.data, self.mujoco
         step, quiet, before, steps = float(model.opt.timestep), 0.0, 0.0, 0
         while steps * step < until:
@@ -124,15 +124,18 @@ class Motion:
                 )
             fallen = self._fallen()
             if fallen:
-                return "falls", fallen
+                return self._history("falls", fallen)
             quiet = quiet + kept * step if self._speed() < REST * fall * g else 0.0
             if steps * step > record.duration and quiet > fall:
                 break
-        return ("stands" if quiet > 0.0 else "moves"), ()
+        return self._history("stands" if quiet > 0.0 else "moves", ())
 
-    def kept(self) -> tuple[FloatArray, FloatArray]:
-        """Times (k,) and displacements (k, n, 6), which a run starts from."""
-        return np.array(self.times), np.array(self.states)
+    def _history(self, ending: Ending, fallen: tuple[str, ...]) -> TimeHistory:
+        step, constant = self.model.opt.timestep, self.model.geom_solref[0, 0]
+        return TimeHistory(
+            float(step), float(constant), np.array(self.times), np.array(self.states), ending,
+            fallen, self.deepest / self.length,
+        )  # fmt: skip
 
     def _state(self) -> FloatArray:
         place = self.data.qpos.reshape(-1, 7)

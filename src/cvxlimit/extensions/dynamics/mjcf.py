@@ -12,12 +12,11 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import positive
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.dynamics.convex import convex_pieces
-from cvxlimit.extensions.dynamics.record import G
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import second_moments
 from cvxlimit.io.fields import one_line
 from cvxlimit.scene import METRES, Scene
-from cvxlimit.scene.units import KILONEWTONS
+from cvxlimit.scene.units import KILONEWTONS, G
 
 IMPEDANCE = 0.99
 """Share of a contact's acceleration that its own stiffness decides; MuJoCo lets it vary with the
@@ -101,6 +100,7 @@ def mjcf(scene: Scene, g: float = G) -> str:
     length, newtons = metres(scene), 1e3 * KILONEWTONS[scene.units.force]
     g = positive(g, "g")
     refuse(scene)
+    # What holds of all: gravity, the engine's settings, friction and stiffness of contacts.
     root = Element("mujoco", model=one_line(scene.name))
     SubElement(root, "compiler", angle="radian", balanceinertia="false")
     common = _sum(scene.dead.gravity, scene.dead.acceleration)
@@ -113,24 +113,18 @@ def mjcf(scene: Scene, g: float = G) -> str:
     soft: Any = {"solref": "0.002 1", "solimp": _text([IMPEDANCE, IMPEDANCE, 1e-3])}
     friction = _text([scene.friction, 0.0, 0.0])
     SubElement(default, "geom", condim="3", friction=friction, **soft)
+    # Blocks: bodies with masses, and shapes that fill them.
     assets, world = SubElement(root, "asset"), SubElement(root, "worldbody")
     SubElement(world, "site", name="world")
     bodies, shapes = dict[str, Element](), dict[str, list[str]]()
     free = {scene.blocks[i].id for i in scene.free}
     for number, block in enumerate(scene.blocks):
-        body = SubElement(world, "body", name=f"{number} {one_line(block.id)}",
-                          pos=_text(length * block.centroid))  # fmt: skip
-        bodies[block.id] = body
-        if block.id in free:
-            SubElement(body, "freejoint")
-            mass = block.weight * newtons / g
-            SubElement(body, "inertial", pos="0 0 0", mass=_text(mass),
-                       fullinertia=_text(_inertia(block, mass, length)))  # fmt: skip
-        shapes[block.id] = []
-        for part, corners in enumerate(convex_pieces(block)):
-            name = f"{number}.{part}"
-            shapes[block.id].append(name)
+        mass = block.weight * newtons / g if block.id in free else None
+        body = _body(world, f"{number} {one_line(block.id)}", block, mass, length)
+        pieces = {f"{number}.{part}": x for part, x in enumerate(convex_pieces(block))}
+        for name, corners in pieces.items():
             _shape(body, assets, name, block, length * (corners - block.centroid))
+        bodies[block.id], shapes[block.id] = body, [*pieces]
     # Where two blocks have friction of their own, a pair of shapes takes the place of the default.
     contact = SubElement(root, "contact")
     for (a, b), value in scene.contact_friction.items():
@@ -138,16 +132,34 @@ def mjcf(scene: Scene, g: float = G) -> str:
         for one, other in product(shapes[a], shapes[b]):
             SubElement(contact, "pair", geom1=one, geom2=other, condim="3", friction=friction,
                        **soft)  # fmt: skip
-    # Forces that keep their direction: what an actuator without control adds at a site.
-    actuators = SubElement(root, "actuator")
+    _push(SubElement(root, "actuator"), bodies, scene, length, newtons)
+    indent(root)
+    return tostring(root, encoding="unicode") + "\n"
+
+
+def _body(
+    world: Element, name: str, block: Block, mass: float | None, length: float
+) -> Element:  # fmt: skip
+    """A block's body, with its ``mass`` in kg if it is free to move."""
+    body = SubElement(world, "body", name=name, pos=_text(length * block.centroid))
+    if mass is not None:
+        SubElement(body, "freejoint")
+        SubElement(body, "inertial", pos="0 0 0", mass=_text(mass),
+                   fullinertia=_text(_inertia(block, mass, length)))  # fmt: skip
+    return body
+
+
+def _push(
+    actuators: Element, bodies: dict[str, Element], scene: Scene, length: float, newtons: float
+) -> None:
+    """Forces that keep their direction: what an actuator without control adds at a site."""
     for number, (block, at, force) in enumerate(_forces(scene)):
         site = f"force {number}"
-        SubElement(bodies[block.id], "site", name=site, pos=_text(length * (at - block.centroid)))
+        place = _text(length * (at - block.centroid))
+        SubElement(bodies[block.id], "site", name=site, pos=place)
         gear = newtons * force * np.array([1.0, 1.0, 1.0, length, length, length])
         SubElement(actuators, "general", site=site, refsite="world", gear=_text(gear),
                    biastype="affine", biasprm="1 0 0", gainprm="0")  # fmt: skip
-    indent(root)
-    return tostring(root, encoding="unicode") + "\n"
 
 
 def _text(values: float | list[float] | FloatArray) -> str:

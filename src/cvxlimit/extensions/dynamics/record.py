@@ -16,14 +16,12 @@ from cvxlimit.base.checks import is_number, meant, positive
 from cvxlimit.errors import InputError
 from cvxlimit.io.fields import file_prefix
 from cvxlimit.scene import METRES
+from cvxlimit.scene.units import G
 
 Shape = Literal["rectangle", "half-sine", "sine"]
 
 ACCELERATIONS = {f"{name}/s2": metre for name, metre in METRES.items()} | {"gal": 0.01}
 """Units of acceleration beside g, in m/s2."""
-
-G = 9.81
-"""One g in m/s2, and what makes masses of weights."""
 
 POINTS = 1000
 """Straight pieces of a sine: their area is that of the sine to one part in a million."""

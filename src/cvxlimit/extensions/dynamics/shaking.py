@@ -17,10 +17,11 @@ from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.extensions.dynamics.history import Ending, Motion, TimeHistory
 from cvxlimit.extensions.dynamics.mjcf import metres, mjcf
-from cvxlimit.extensions.dynamics.record import G, Record
+from cvxlimit.extensions.dynamics.record import Record
 from cvxlimit.results.movement import checked_control
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
+from cvxlimit.scene.units import G
 
 STEP = 3e-3
 """The longer step, over the time in which the smallest block falls by half its size (the root of
@@ -262,21 +263,20 @@ def shake(
     >>> shaking.falls, round(shaking.residual.value, 3)  # doctest: +SKIP
     (False, 1.046)
     """
+    # What is asked, in metres and seconds; times go with those in which blocks fall.
     check_scene(scene)
     of_type(record, Record, "record must be a Record", 'pulse("sine", 0.5, 1.0) makes one')
     about = None if control is None else checked_control(scene, control)
     length, g = metres(scene), positive(g, "g")
     along = _direction(scene, direction)
-    free = [scene.blocks[i] for i in scene.free]
-    smallest = length * min(block.size for block in free)
-    points = length * np.concatenate([block.vertices for block in free])
-    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    smallest, span = _sizes(scene, length)
     fall = float(np.sqrt(smallest / g))
     longer = STEP * fall if step is None else positive(step, "step")
     until = record.duration + (
         ROUNDS * float(np.sqrt(span / g)) if after is None else positive(after, "after")
     )
     kept = max(1, round((20 * longer if every is None else positive(every, "every")) / longer))
+    # Four runs of one model: long and short steps, each with soft and stiff contacts.
     mujoco = needed("mujoco", "dynamics", "motions in time")
     model = mujoco.MjModel.from_xml_string(mjcf(scene, g))
     gravity = np.array(model.opt.gravity)
@@ -289,12 +289,15 @@ def shake(
             for solref in (model.geom_solref, model.pair_solref):
                 solref[:, 0] = soft * longer
             motion = Motion(mujoco, model, scene, length, start)
-            ended = motion.run(record, along, until, parts * kept, fall, g)
-            histories.append(
-                TimeHistory(longer / parts, soft * longer, *motion.kept(), *ended,
-                            motion.deepest / length)
-            )  # fmt: skip
+            histories.append(motion.run(record, along, until, parts * kept, fall, g))
     return Shaking(scene, record, along, tuple(histories), about)
+
+
+def _sizes(scene: Scene, length: float) -> tuple[float, float]:
+    """Sizes of the smallest free block and of all of them together, in units of ``length``."""
+    free = [scene.blocks[i] for i in scene.free]
+    points = length * np.concatenate([block.vertices for block in free])
+    return length * min(b.size for b in free), float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def _spread(values: Sequence[float]) -> Spread:

@@ -87,7 +87,7 @@ class ImportCommand(Command):
     density : G
         Weight per volume of all blocks, in place of the files'.
     density_factor : F
-        Turns the files' densities into weight per volume; kg/m3 to kN/m3: 0.00980665.
+        Turns the files' densities into weight per volume; kg/m3 to kN/m3: 0.00981.
     friction : MU
         Coulomb coefficient of all contacts.
     supports : IDS

@@ -33,12 +33,9 @@ from cvxlimit.io.fields import (
     shown,
 )
 from cvxlimit.scene import METRES, Load, Scene, Units
-from cvxlimit.scene.units import KILONEWTONS
+from cvxlimit.scene.units import KILONEWTONS, G
 
 AXES = ("x", "y", "z")
-
-G = 9.80665
-"""Standard gravity, m/s²."""
 
 STONE = (5.0, 40.0)
 """Weights per volume in kN/m³ between which all stones and bricks lie: pumice has 6, basalt 31."""
@@ -96,7 +93,7 @@ def import_geometry(
         state.
     density_factor : float or None
         Turns the files' densities into weights per volume; must be given where a COMPAS file's
-        densities are used (kg/m3 to kN/m3: 0.00980665).
+        densities are used (kg/m3 to kN/m3: 0.00981).
     supports : "lowest", ids, or None
         Fixed blocks: the lowest ones (within 1 % of the height), those named, or, with None, those
         that the files mark. Ground may be a plane of no thickness, a face or several in one plane:
@@ -370,7 +367,7 @@ def _with_densities(
     if stated and factor is None and is_mass:
         raise InputError(
             f"block {stated[0].name!r} has density {stated[0].density:g} in the file, as a rule "
-            "kg/m3 there: say what turns it into weight per volume (--density-factor 0.00980665 "
+            "kg/m3 there: say what turns it into weight per volume (--density-factor 0.00981 "
             "for kg/m3 to kN/m3), or give --density"
         )
     if len(unstated(bodies, density, supports)) > 1:

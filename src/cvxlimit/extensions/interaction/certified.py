@@ -1,7 +1,22 @@
 """The certified answer with interaction: a bracket proved from below and from above.
 
-Forces that satisfy Eq. 30 exactly bound the factor from below, a mechanism checked against the
-convex hull of every contact's true states from above; branch and bound closes what is left.
+With interaction (Eq. 26-30) the admissible forces of a contact are no convex set, so that no convex
+problem has the load factor. What is proved is an interval that contains it:
+
+    lower    forces in equilibrium that satisfy Eq. 30 exactly, at every contact
+    upper    a mechanism, and the largest power of true states on it: the convex hull of every
+             contact's states (:mod:`.flow`)
+
+The stages, each of which ends the run where the bracket is as narrow as is asked:
+
+1. forces in the scene's plane, if it has one, close the bracket by themselves;
+2. a relaxation over the hull of states, refined round by round, bounds from above
+   (:mod:`.relaxation.upper`);
+3. whether the dead load stands at all, and whether any multiple of the live load is carried;
+4. safe steps, convex problems inside Eq. 30, climb to a lower bound from several starts
+   (:mod:`.restriction.inner`);
+5. branch and bound over ranges of pressure centres narrows what is left (:mod:`.branching.search`);
+6. the lower bound is proved beyond the rounding of the solvers (:mod:`.restriction.lower_bound`).
 """
 
 from __future__ import annotations

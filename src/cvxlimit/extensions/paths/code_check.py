@@ -1,5 +1,13 @@
 """The displacement check of a local mechanism on its path: Circolare 7/2019, C8.7.1.
 
+1. The mechanism at rest becomes an oscillator of one degree of freedom (:mod:`.oscillator`), and
+   the path its capacity curve: spectral accelerations a = alpha g / (e* FC) over displacements d.
+2. d0 is where nothing is carried any more: of all runs of the path, with the step, with half of it,
+   by the other flow rule, the least.
+3. The limit states SLV and SLC are at 0.4 d0 and 0.6 d0, or where something fails before; periods
+   are 1.68 pi sqrt(d / a) and 1.56 pi sqrt(d / a).
+4. Motions in time stand beside them, if there are any.
+
 The formulas are a transcription, and have to be compared with the code in force.
 """
 
@@ -8,32 +16,26 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import first_twice, of_type, positive
+from cvxlimit.base.checks import of_type, positive
 from cvxlimit.base.doors import attached
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.configuration import Configuration
 from cvxlimit.extensions.paths.following import configuration_at
+from cvxlimit.extensions.paths.oscillator import oscillator
 from cvxlimit.extensions.paths.path import Path
-from cvxlimit.geometry.mesh import second_moments
-from cvxlimit.scene import METRES, Scene, Units
-from cvxlimit.solution.kinematics import VISIBLE, corner_speeds
+from cvxlimit.scene import METRES, Units
+from cvxlimit.scene.units import G
 
 SOURCE = "after Circolare 7/2019, C8.7.1: a transcription, to be compared with the code in force"
 
 RECORDS = 7
 """Different records whose mean effect a check by time histories takes, after NTC 2018, 7.3.5."""
-
-_OF_DISPLACEMENT = ("d0", "d_SLV", "T_SLV", "d_SLC", "T_SLC")
-
-_LEVEL = 1e-6
-"""Share of the live load that may act along gravity: a direction in a scene file has seven digits
-or more."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +84,8 @@ class CodeCheck:
     pieces : tuple of (int, int)
         Rows of the curve, from and to, between which the structure does not jump.
     d0, ends : float, str
-        Spectral displacement at which the acceleration is zero, and why it is; NaN where
-        ``refused``.
+        Spectral displacement at which the acceleration is zero, the least of all runs of the path,
+        and why it is, with the interval of the runs; NaN where ``refused``.
     slv, slc : Limit or None
         Both limit states; also ``d_SLV``, ``T_SLV``, ``d_SLC``, ``T_SLC``, which are NaN without.
     refused : str
@@ -92,8 +94,8 @@ class CodeCheck:
     histories : (float or None, str) or None
         Mean of the largest displacements in time, and what is to say of it; None if not asked.
     notes : tuple of str
-        Those of the path: where joints slide, its load factors depend on the step; and which step
-        the check is of.
+        Those of the path: where joints slide, its load factors depend on the step; and which run
+        of it the check is of.
 
     Example
     -------
@@ -159,7 +161,7 @@ class CodeCheck:
         if self.histories is not None:
             rows.append(("d, in time", self.histories[0], length, self.histories[1]))
         if self.refused:
-            return [*rows, (", ".join(_OF_DISPLACEMENT), None, "", self.refused)]
+            return [*rows, ("d0, d_SLV, T_SLV, d_SLC, T_SLC", None, "", self.refused)]
         rows.append(("d0", self.d0, length, self.ends))
         for name, limit, share in (("SLV", self.slv, 1.68), ("SLC", self.slc, 1.56)):
             if limit is not None:
@@ -216,7 +218,7 @@ class CodeCheck:
 def code_check(
     path: Path,
     confidence_factor: float = 1.35,
-    g: float = 9.81,
+    g: float = G,
     groups: Iterable[Iterable[str]] = (),
     local_failure: float | None = None,
     q: float = 2.0,
@@ -234,10 +236,10 @@ def code_check(
     Parameters
     ----------
     path : Path
-        Under a horizontal acceleration, to a load factor of zero; the check is of its run with half
-        the step where there is one that got as far. Its control point is the code's
-        point C; without one it is the mean displacement of the live load, which is that of the
-        centre of mass.
+        Under a horizontal acceleration, to a load factor of zero; the check is of the one of its
+        runs (with half the step, by the other flow rule) that has the least d0. Its control point
+        is the code's point C; without one it is the mean displacement of the live load, which is
+        that of the centre of mass.
     confidence_factor : float
     g : float
         In m/s2, whatever the scene's unit of length is.
@@ -268,39 +270,103 @@ def code_check(
         move as one.
     """
     scene = of_type(path, Path, "path must be a Path", "pushover(scene) makes one").scene
-    if path.initial is None:
-        raise InputError(
-            f"the code check is of a mechanism at rest, and the path of {scene.name!r} starts "
-            "displaced: follow the structure as it was before"
-        )
-    factor, metre = positive(confidence_factor, "confidence factor"), METRES.get(scene.units.length)
-    if metre is None:
+    factor, gravity = positive(confidence_factor, "confidence factor"), _gravity(g, scene.units)
+    # The oscillator: accelerations over load factors, displacements over those of the control.
+    one = oscillator(path, groups, own_inertia)
+    per_factor, per_control = one.push * gravity / (one.e_star * factor), one.per_control
+    # Where the runs of the path end; the one that ends first is checked.
+    runs = [run for run in (path.halved, path, path.other_flow) if run is not None]
+    refused = next((run.headline for run in runs[:2] if run.slides_away), "")
+    ends = [] if refused else _ends(path, runs)
+    run = ends[0].run if ends else path
+    acceleration, displacement = per_factor * run.load_factor, per_control * run.displacement
+    # Limit states: shares of d0, or what fails before.
+    failures = _failures(run, local_failure)
+    limits = list[Limit]()
+    for share, period in ((0.4, 1.68), (0.6, 1.56)) if ends else ():
+        of_d0 = f"{share:g} d0{_interval(path, ends, share * per_control)}"
+        at, basis = min([(share * ends[0].displacement, of_d0), *failures])
+        found = configuration_at(run, at)
+        d, a = float(per_control * at), float(per_factor * found.load_factor)
+        limits.append(Limit(d, a, float(period * np.pi * np.sqrt(d / a)), basis, found))
+    slv, slc = limits or (None, None)
+    return CodeCheck(
+        scene.name, scene.units, factor, gravity, positive(q, "q"), one.weight, one.e_star,
+        float(acceleration[0]), displacement, acceleration, run.pieces,
+        d0=float(per_control * ends[0].displacement) if ends else float("nan"),
+        ends=ends[0].why + _interval(path, ends, per_control) if ends else "",
+        slv=slv, slc=slc, notes=_notes(path, len(runs), ends, own_inertia), refused=refused,
+        histories=_in_time(path, motions, slv.displacement / per_control if slv else np.nan),
+    )  # fmt: skip
+
+
+def _notes(path: Path, runs: int, ends: Sequence[_End], own_inertia: bool) -> tuple[str, ...]:
+    """What is to say of the path, of the run that is checked, and of the mechanism at rest."""
+    notes = [*path.notes]
+    if ends and path.slides:
+        notes.insert(0, f"on the path {path.headline}")
+    if ends and runs > 1:
+        short = f", and {runs - len(ends)} ended before" * (len(ends) < runs)
+        notes.append(f"the check is of the run {ends[0].name}: the least d0 of {runs}{short}")
+    if own_inertia:
+        notes.append("e* is over the bodies, which turn, and not of weights at their centroids")
+    alone = (path.initial and path.initial.load_factor) or np.inf
+    over = path.load_factor[0] / alone - 1.0
+    if abs(over) >= 0.0005:  # which shows as 0.1 %
+        notes.append(f"friction acts at points, which changes a0* by {over:+.1%} against solve's")
+    return tuple(notes)
+
+
+def _gravity(g: float, units: Units) -> float:
+    """Gravity in the scene's unit of length over s2, from m/s2."""
+    if units.length not in METRES:
         raise InputError(
             f"the code check needs lengths that can be converted ({', '.join(METRES)}), got unit "
-            f"{scene.units.length!r}: scene.in_units converts a scene before it is followed"
+            f"{units.length!r}: scene.in_units converts a scene before it is followed"
         )
-    gravity = positive(g, "g") / metre
-    along, size = _push(scene)
-    weight, rate, spread = _moving(path, along, groups)
-    total, first = weight.sum(), weight @ rate
-    second = weight @ rate**2 + own_inertia * spread
-    over = path.load_factor[0] / (path.initial.load_factor or np.inf) - 1.0
-    whole, (path, notes) = path, _finer(path)
-    refused = next((x.headline for x in (whole, path) if x.slides_away), "")
-    if path.slides and not refused:
-        notes = (f"on the path {path.headline}", *notes)
-    if own_inertia:
-        notes = (*notes, "e* is over the bodies, which turn, and not of weights at their centroids")
-    if abs(over) >= 0.0005:  # which shows as 0.1 %
-        notes += (f"friction acts at points, which changes a0* by {over:+.1%} against solve's",)
-    e_star = first**2 / (total * second)
-    spectral = float(second / (_at_control(path, along) * first))  # over the control point's
-    times = size * gravity / (e_star * factor)  # acceleration over the load factor
-    d0, ends = (np.nan, "") if refused else _end(path)
+    return positive(g, "g") / METRES[units.length]
 
-    def with_interval(what: str, share: float) -> str:
-        return ", ".join(filter(None, (what, whole.interval(share * spectral))))
 
+class _End(NamedTuple):
+    """The displacement at which a run carries nothing any more, why, and which run it is."""
+
+    displacement: float
+    why: str
+    run: Path
+    name: str
+
+
+def _ends(path: Path, runs: Sequence[Path]) -> list[_End]:
+    """Ends of the runs of a path that get there, the least displacement first; of those that are
+    the same in four digits, as they are told, that of the finer run."""
+    ends = list[_End]()
+    for run in runs:
+        name = "by the other flow rule" if run is path.other_flow else "with half the step"
+        name = "with the whole step" if run is path else name
+        if np.isfinite(run.d0):
+            ends.append(_End(run.d0, "where the acceleration is zero", run, name))
+        elif run.status == "falls":
+            why = "where no equilibrium follows and it falls"
+            ends.append(_End(float(run.displacement[-1]), why, run, name))
+    if not ends:
+        raise InputError(
+            f"the code check needs a path to a load factor of zero, and this one ends at "
+            f"{path.load_factor[-1]:.4g} ({path.ending}: {path.reason}): follow it until 0"
+        )
+    return sorted(ends, key=lambda end: float(f"{end.displacement:.4g}"))
+
+
+def _interval(path: Path, ends: Sequence[_End], times: float) -> str:
+    """The least and the largest of the ends, ``times`` a factor, and what it is over; empty where
+    they are one and no blocks were followed."""
+    low, high = (f"{times * end.displacement:.4g}" for end in (ends[0], ends[-1]))
+    return f", {low} to {high} by {path.varies_by}" if low != high or path.followed else ""
+
+
+def _failures(path: Path, given: float | None) -> list[tuple[float, str]]:
+    """Displacements of the control point at which something fails, and what: the one ``given``, and
+    snaps, ties that break and cohesion that is lost if they cost more than half of the largest load
+    factor."""
     half = 0.5 * path.load_factor.max()
     named = [*((k, "a snap") for _, k in path.pieces[:-1]), *enumerate(path.failed)]
     failures = [
@@ -308,23 +374,9 @@ def code_check(
         for k, what in named
         if what and path.load_factor[k - 1] - path.load_factor[k] > half
     ]
-    if local_failure is not None:
-        failures.append((positive(local_failure, "local failure"), "the local failure given"))
-
-    def limit(share: float, period: float) -> Limit:
-        at, basis = min([(share * d0, with_interval(f"{share:g} d0", share)), *failures])
-        found = configuration_at(path, at)
-        a, d = times * found.load_factor, spectral * at
-        return Limit(float(d), float(a), float(period * np.pi * np.sqrt(d / a)), basis, found)
-
-    slv, slc = (None, None) if refused else (limit(0.4, 1.68), limit(0.6, 1.56))
-    return CodeCheck(
-        scene.name, scene.units, factor, gravity, positive(q, "q"), float(total), float(e_star),
-        float(times * path.load_factor[0]), spectral * path.displacement,
-        times * path.load_factor, path.pieces, float(spectral * d0), with_interval(ends, 1.0),
-        slv, slc, notes, refused,
-        _in_time(path, motions, np.nan if slv is None else float(slv.displacement / spectral)),
-    )  # fmt: skip
+    if given is not None:
+        failures.append((positive(given, "local failure"), "the local failure given"))
+    return failures
 
 
 def _in_time(path: Path, motions: Sequence[Any], allowed: float) -> tuple[float | None, str] | None:
@@ -355,97 +407,3 @@ def _in_time(path: Path, motions: Sequence[Any], allowed: float) -> tuple[float 
     if np.isfinite(allowed):
         within = f"{'within' if mean <= allowed else 'beyond'} {allowed:.4g} of the control at SLV"
     return mean, f"mean of {len(different)} records (spectra not checked), {within}"
-
-
-def _finer(path: Path) -> tuple[Path, tuple[str, ...]]:
-    """The run with half the step, if it got to its end, and notes that say which it is."""
-    if (fine := path.halved) is None:
-        return path, path.notes
-    if np.isfinite(fine.d0) or fine.status == "falls":
-        return fine, (*path.notes, "the check is of the run with half the step")
-    return path, (*path.notes, "the check is not of the run with half the step: that ends before")
-
-
-def _push(scene: Scene) -> tuple[FloatArray, float]:
-    """Direction and size of the live load: a horizontal acceleration, in multiples of gravity."""
-    live, down = scene.live, scene.dead.gravity
-    parts = (live.gravity, live.forces, live.points, live.pressures, live.weights, live.growing)
-    push = np.array(live.acceleration or (0.0, 0.0, 0.0))
-    size = float(np.linalg.norm(push))
-    if any(parts) or down is None or not size > 0.0 or abs(push @ down) > _LEVEL * size:
-        raise InputError(
-            "the code check is of weights that are pushed sideways: the live load of scene "
-            f"{scene.name!r} must be a horizontal acceleration and nothing else, and its dead "
-            f"load have a gravity, got {live!r:.80}"
-        )
-    return push / size, size
-
-
-def _moving(
-    path: Path, along: FloatArray, groups: Iterable[Iterable[str]]
-) -> tuple[FloatArray, FloatArray, float]:
-    """Weights of blocks and groups that move in the initial mechanism, and their rates; and what
-    the sum of weights times squared rates lacks of that over the bodies themselves."""
-    scene, found = path.scene, (path.initial and path.initial.mechanism) or {}
-    free = [scene.blocks[i] for i in scene.free]
-    rates = np.array([found.get(block.id, np.zeros(6)) for block in scene.blocks])
-    speed = corner_speeds(scene, rates)[scene.free]
-    weight, rates = np.array([block.weight for block in free]), rates[scene.free]
-    names = [[*group] for group in groups]
-    place = {block.id: i for i, block in enumerate(free)}
-    for name in (every := [name for group in names for name in group]):
-        if name not in place:
-            raise InputError(f"groups name {name!r}, which is no free block of {scene.name!r}")
-    if (twice := first_twice(every)) is not None:
-        raise InputError(f"block {twice!r} is in two groups: name it once")
-    parts = [[place[name] for name in group] for group in names if group]
-    for own in parts:
-        at = np.array([free[i].centroid - free[own[0]].centroid for i in own])
-        lead, turned = rates[own[0]], rates[own, 3:] - rates[own[0], 3:]
-        off = np.linalg.norm(rates[own, :3] - lead[:3] - np.cross(lead[3:], at), axis=1)
-        off += np.linalg.norm(turned, axis=1) * [free[i].size for i in own]
-        if (worst := float(off.max())) > VISIBLE * speed.max():
-            raise InputError(
-                f"blocks {free[own[0]].id!r} and {free[own[int(off.argmax())]].id!r} of a group do "
-                f"not move as one in the initial mechanism: they part by {worst / speed.max():.1%} "
-                "of its fastest corner; leave one out"
-            )
-    parts += [[i] for name, i in place.items() if name not in every]
-    parts = [own for own in parts if speed[own].max() > VISIBLE * speed.max()]
-    together = np.array([weight[own].sum() for own in parts])
-    pushed = np.array([weight[own] @ rates[own, :3] @ along for own in parts])
-    # over a body (dx + q . r)^2, q = along x rotation; and its blocks about their group's centroid
-    over = 0.0
-    for i in (i for own in parts for i in own):
-        q, arms = np.cross(along, rates[i, 3:]), free[i].vertices - free[i].centroid
-        over += weight[i] / free[i].volume * float(q @ second_moments(arms, free[i].faces) @ q)
-        over += weight[i] * float(rates[i, :3] @ along) ** 2
-    return together, pushed / together, over - float(pushed @ (pushed / together))
-
-
-def _at_control(path: Path, along: FloatArray) -> float:
-    """Rate of what the path measures as its displacement, in the initial mechanism."""
-    scene, found = path.scene, (path.initial and path.initial.mechanism) or {}
-    if path.control is None:
-        push = [scene.blocks[i].weight * found[scene.blocks[i].id][:3] @ along for i in scene.free]
-        return float(sum(push) / scene.total_weight)
-    block, direction = path.control
-    rate = float(found[block][:3] @ direction / np.linalg.norm(direction))
-    if not rate > 0.0:
-        raise InputError(
-            f"control block {block!r} does not move along {direction} in the initial mechanism: "
-            "follow the path with another control"
-        )
-    return rate
-
-
-def _end(path: Path) -> tuple[float, str]:
-    """Displacement at which nothing is carried any more, and why."""
-    if np.isfinite(path.d0):
-        return path.d0, "where the acceleration is zero"
-    if path.status == "falls":
-        return float(path.displacement[-1]), "where no equilibrium follows and it falls"
-    raise InputError(
-        f"the code check needs a path to a load factor of zero, and this one ends at "
-        f"{path.load_factor[-1]:.4g} ({path.status}: {path.reason}): follow it until 0"
-    )

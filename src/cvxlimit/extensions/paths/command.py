@@ -152,7 +152,7 @@ def _summary(path: Displacements, written: list[tuple[str, str]]) -> Table:
             ("on the path", f"{rounded(path.load_factor[0])} at "
              f"{'the start' if initial is None else 'rest'}, friction at points"),
             ("in short", path.headline),
-            ("end", path.status + f": {path.reason}" * (path.reason != path.headline)),
+            ("end", path.ending + f": {path.reason}" * (path.reason != path.headline)),
             ("snaps at", ", ".join(f"w = {w:.6g} {unit}" for w in path.snaps)),
             ("flow", f"{path.flow}; joints slide" if path.slides else "joints rock"),
             ("brackets", f"{len(widths)} of {len(path)} configurations, widest "
@@ -182,7 +182,7 @@ def _table(path: Displacements) -> Table:
 
 def _verdict(path: Displacements) -> ExitCode:
     if path.status not in ("zero", "falls", "blocked") and path.reason != path.headline:
-        return refuse(ExitCode.NOT_GOOD_ENOUGH, f"{path.status}: {path.reason}")
+        return refuse(ExitCode.NOT_GOOD_ENOUGH, f"{path.ending}: {path.reason}")
     for run, which in ((path.halved, "with half the step"), (path.other_flow, "the other flow")):
         if run is not None and run.status == "interrupted":
             return refuse(ExitCode.NOT_GOOD_ENOUGH, f"{which}: {run.reason}")

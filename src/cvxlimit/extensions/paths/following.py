@@ -1,7 +1,15 @@
-"""The path of a structure in finite displacements: steps of the live load's mean displacement w.
+"""The path of a structure in finite displacements, followed by the live load's mean displacement w.
 
-A step seeks the blocks' next equilibrium at a given w (:mod:`.resting`); it is halved where there
-is none, and where blocks jump in it the jump is enclosed.
+At each w blocks are in equilibrium near where they were before (:mod:`.resting`), at the load
+factor that is its multiplier. From one configuration to the next
+
+1. w goes on by a step, which is halved where no equilibrium is found, down to ``FINEST`` of itself:
+   there the path ends, since the structure falls or cannot move on;
+2. a jump on the way is noticed where something came apart, where blocks moved much farther than at
+   the pace before, or where the dead load has not gained the work that the load factors stand for;
+   it is enclosed by halvings of w, and both its ends belong to the path;
+3. where the load factor falls below the one that is asked for, the end is placed between the two;
+4. otherwise the configuration is kept, with its bracket, and the next step is up to twice as long.
 """
 
 from __future__ import annotations
@@ -99,12 +107,7 @@ class Walk(Rest):
         if self.found[-1].shown.load_factor <= until:
             since = "from the start" if len(self.found) == 1 else "where blocks are followed"
             return "zero", f"the load factor is no more than {until:g} {since}"
-        h = self.step = step or self.size / 40.0
-        h = h if marks is None else self._to_next(marks)
-        before = self.found[-2:-1]
-        if before and before[0].shown.is_followed:  # as far as explicit steps went
-            h = min(h, self.found[-1].shown.w - before[0].shown.w)
-        pace = np.inf
+        h, pace = self._first_step(step, marks), np.inf
         while len(self.found) <= MOST:
             # One step, halved where no equilibrium is found.
             here = self.found[-1]
@@ -115,47 +118,75 @@ class Walk(Rest):
                     return there.kind, self.why(there.kind, there.moved)
                 continue
             # A jump on the way is enclosed, and both its ends belong to the path.
-            may_have = self.lost(here, there) or self._may_have_jumped(here, there, pace)
-            jump = self._jump(here, there) if may_have else None
-            if jump is not None:
-                *_, low, high = jump
-                for each in jump[:-1]:
-                    if each is not here:
-                        self.keep(each)
-                way, whole = (y.shown.w - x.shown.w for x, y in ((low, high), (here, there)))
-                if self.distance(low, high) / way > JUMP * self.distance(here, there) / whole:
-                    self.snaps.append(low.shown.w)  # else a contact closed, and the curve goes up
-                self.keep(high)
-                if high.shown.load_factor <= until:
+            if self._has_kept_a_jump(here, there, pace):
+                if self.found[-1].shown.load_factor <= until:
                     return "zero", f"the load factor drops below {until:g} in a snap"
                 pace = np.inf
                 continue
             # The end is placed where the load factor is the one asked for.
             pace = self.distance(here, there) / h
             if there.shown.load_factor <= until + self.enough(there):
-                end = self._end(here, there, until)
-                self.keep(end)
-                if end.shown.load_factor >= until - self.enough(end):
-                    return "zero", f"the load factor has come down to {until:g}"
-                if end.shown.w - here.shown.w <= FINEST * self.step:
-                    self.snaps.append(here.shown.w)
-                    return "zero", f"the load factor drops below {until:g} in a snap"
-                parts = (f"{x.shown.load_factor:.4g}" for x in (here, end))
-                between = "iterates between do not settle"
-                return "zero", f"the load factor falls from {' to '.join(parts)}: {between}"
+                return "zero", self._brought_down(here, there, until)
             self.keep(there)
             if is_level():
                 return "slides", LEVEL_FOR
-            h = 2.0 * h if step is None else min(step, 2.0 * h)
+            # The next step: to the next mark, or up to twice as long.
             if marks is not None:
                 h = self._to_next(marks)
-            elif step is None:
-                fall = here.shown.load_factor - there.shown.load_factor
-                fall /= there.shown.w - here.shown.w
-                left = (there.shown.load_factor - until) / max(fall, 1e-300)
-                h = min(h, (there.shown.w + left) / _STEPS, self.size / _STEPS)
-                self.step = max(h, self.step)
+            else:
+                h = min(step, 2.0 * h) if step else self._longer(h, here, there, until)
         return "steps", f"{MOST} configurations did not bring the load factor down to {until:g}"
+
+    def _first_step(self, step: float | None, marks: FloatArray | None) -> float:
+        """Returns the step to begin with: the one given, up to the next mark, and after explicit
+        steps as far as these went."""
+        h = self.step = step or self.size / 40.0
+        h = h if marks is None else self._to_next(marks)
+        before = self.found[-2:-1]
+        is_after = before and before[0].shown.is_followed
+        return min(h, self.found[-1].shown.w - before[0].shown.w) if is_after else h
+
+    def _has_kept_a_jump(self, here: At, there: At, pace: float) -> bool:
+        """Returns whether there is a jump between two configurations. It is kept with what led
+        there, and is a snap if blocks move faster in it than on the whole way: else a contact
+        closed, and the curve goes up."""
+        if not (self.lost(here, there) or self._may_have_jumped(here, there, pace)):
+            return False
+        jump = self._jump(here, there)
+        if jump is None:
+            return False
+        *_, low, high = jump
+        for each in jump[:-1]:
+            if each is not here:
+                self.keep(each)
+        way, whole = (y.shown.w - x.shown.w for x, y in ((low, high), (here, there)))
+        if self.distance(low, high) / way > JUMP * self.distance(here, there) / whole:
+            self.snaps.append(low.shown.w)
+        self.keep(high)
+        return True
+
+    def _brought_down(self, here: At, there: At, until: float) -> str:
+        """Keeps the last configuration of the path, between two of which the second carries no more
+        than ``until``, and returns in words how it got there."""
+        end = self._end(here, there, until)
+        self.keep(end)
+        if end.shown.load_factor >= until - self.enough(end):
+            return f"the load factor has come down to {until:g}"
+        if end.shown.w - here.shown.w <= FINEST * self.step:
+            self.snaps.append(here.shown.w)
+            return f"the load factor drops below {until:g} in a snap"
+        fall = f"{here.shown.load_factor:.4g} to {end.shown.load_factor:.4g}"
+        return f"the load factor falls from {fall}: iterates between do not settle"
+
+    def _longer(self, h: float, here: At, there: At, until: float) -> float:
+        """Returns a step after one of ``h``, where none is given: twice as long, at most a share of
+        the contact size, and of what the last slope takes to ``until``."""
+        fall = here.shown.load_factor - there.shown.load_factor
+        fall /= there.shown.w - here.shown.w
+        left = (there.shown.load_factor - until) / max(fall, 1e-300)
+        h = min(2.0 * h, (there.shown.w + left) / _STEPS, self.size / _STEPS)
+        self.step = max(h, self.step)
+        return h
 
     def lost(self, one: At, other: At) -> tuple[str, ...]:
         """Returns what has come apart from one configuration to the other: cohesion and ties."""

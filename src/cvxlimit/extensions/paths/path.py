@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -131,7 +131,7 @@ class Path:
         both = ", slides: no d0" if self.slides_away else both
         return (
             f"Path({self.scene.name!r}: {len(self) - 1} steps, load factor {first:.5g} to "
-            f"{last:.5g}, {self.status}{both})"
+            f"{last:.5g}, {self.ending}{both})"
         )
 
     @property
@@ -240,7 +240,15 @@ class Path:
         )
 
     @property
-    def _by(self) -> str:
+    def ending(self) -> str:
+        """The status in words: of a path that ends at another load factor than zero because that
+        was asked for, ``"reached"``."""
+        return "reached" if self.status == "zero" and self.until != 0.0 else self.status
+
+    @property
+    def varies_by(self) -> str:
+        """What ``d0`` depends on where runs differ: the step, and the flow rule of what is
+        followed."""
         return "step and flow" if self.followed else "the step"
 
     @property
@@ -267,7 +275,7 @@ class Path:
             return f"{end}: blocks rock, and no joint slides from step to step{followed}"
         return (
             f"{end}, and {100.0 * self.slip_share:.0f} % of the displacement in joints is slip "
-            f"({which}): it depends on {self._by}, and is no bound{followed}"
+            f"({which}): it depends on {self.varies_by}, and is no bound{followed}"
         )
 
     @property
@@ -300,12 +308,12 @@ class Path:
         found = [self.d0, *(run.d0 for run in (self.halved, self.other_flow) if run is not None)]
         return float(np.fmin.reduce(found)), float(np.fmax.reduce(found))
 
-    def interval(self, times: float = 1.0) -> str:
-        """Both ends of :attr:`d0_interval`, ``times`` a factor, and what it is over; empty where
-        nothing is followed and they are one, and without any."""
-        low, high = (f"{times * d0:.4g}" for d0 in self.d0_interval)
+    def interval(self) -> str:
+        """Both ends of :attr:`d0_interval`, and what it is over; empty where nothing is followed
+        and they are one, and without any."""
+        low, high = (f"{d0:.4g}" for d0 in self.d0_interval)
         has_any = low != "nan" and (self.followed or low != high)
-        return f"{low} to {high} by {self._by}" if has_any else ""
+        return f"{low} to {high} by {self.varies_by}" if has_any else ""
 
     @property
     def pieces(self) -> tuple[tuple[int, int], ...]:
@@ -318,6 +326,13 @@ class Path:
         """What has come apart since the row above, for each row: cohesion and ties."""
         after = np.append(np.nan, self.w[:-1])
         return [", ".join(what for at, what in self.failures if at == w) for w in after]
+
+    def with_control(
+        self, control: tuple[str, tuple[float, float, float]] | None
+    ) -> Path:  # fmt: skip
+        """The path, and its further runs, with the displacement of another ``control``."""
+        runs = [run and replace(run, control=control) for run in (self.halved, self.other_flow)]
+        return replace(self, control=control, halved=runs[0], other_flow=runs[1])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the path with its scene to a JSON file, complete or not at all;

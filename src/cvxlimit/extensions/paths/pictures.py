@@ -164,7 +164,7 @@ def _title(path: Path) -> str:
     unit = printable(path.scene.units.length)
     low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
     end = f"zero at {low}" + (f" to {high}" if low != high else "")
-    end = f"{path.status} at {path.displacement[-1]:.4g}" if low == "nan" else end
+    end = f"{path.ending} at {path.displacement[-1]:.4g}" if low == "nan" else end
     if path.slides_away:
         return f"{printable(path.scene.name)}: {start}, slides: no d0"
     return f"{printable(path.scene.name)}: {start}, {end} {unit}" + ", followed" * bool(

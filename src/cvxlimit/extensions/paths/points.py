@@ -14,7 +14,7 @@ unit.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -101,56 +101,56 @@ class Start:
         return points, number
 
 
+class _Edges(NamedTuple):
+    """The edges of one side's outlines: tails and directions in space (E, 3), and tails and heads
+    in the mean planes of their pairs (E, 2)."""
+
+    tail: FloatArray
+    along: FloatArray
+    flat_tail: FloatArray
+    flat_head: FloatArray
+
+    @classmethod
+    def of(
+        cls, pairs: Pairs, side: int, pose: Pose, origin: FloatArray, basis: FloatArray
+    ) -> _Edges:  # fmt: skip
+        """Returns those of a side at a pose, in planes through an ``origin`` (P, 3)."""
+        pair = pairs.pair[side]
+        block = pairs.block[side][pair]
+        tail, head = (pose.placed(block, x[side]) for x in (pairs.tail, pairs.head))
+        flat = (np.einsum("eix,ex->ei", basis[pair], x - origin[pair]) for x in (tail, head))
+        return cls(tail, head - tail, *flat)
+
+
 def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     """Returns the points at a pose, and for each its pair and its number among all corners and
     crossings."""
     # Planes of both facets of each pair, and a mean plane in which outlines are compared.
-    facets, pairs, start, size = begin.facets, begin.pairs, begin.pose, begin.facets.size
+    facets, pairs, size = begin.facets, begin.pairs, begin.facets.size
     normal = np.stack([pose.turned(pairs.block[k], pairs.normal[k]) for k in (0, 1)])
     plane = np.stack([pose.placed(pairs.block[k], pairs.plane[k]) for k in (0, 1)])
     mean = _unit(normal[0] - normal[1])
     basis = tangents(mean)
-    # Edges of both sides: tails and directions in space, both ends in the mean plane.
-    tail, along = list[FloatArray](), list[FloatArray]()
-    flat_tail, flat_head = list[FloatArray](), list[FloatArray]()
-    for k, pair in enumerate(pairs.pair):
-        ends = [pose.placed(pairs.block[k][pair], x[k]) for x in (pairs.tail, pairs.head)]
-        tail.append(ends[0])
-        along.append(ends[1] - ends[0])
-        for flat, x in ((flat_tail, ends[0]), (flat_head, ends[1])):
-            flat.append(np.einsum("eix,ex->ei", basis[pair], x - plane[0][pair]))
+    one, other = (_Edges.of(pairs, k, pose, plane[0], basis) for k in (0, 1))
+
     # Points of the overlap: corners of either side over the other facet, and crossings of edges.
-    i, j = pairs.couples
-    near, edges = SETTLED * size, (i, j)
-    is_over = [
-        _inside(flat_tail[k], edges[k], flat_tail[1 - k][edges[1 - k]],
-                flat_head[1 - k][edges[1 - k]], near)
-        for k in (0, 1)
-    ]  # fmt: skip
-    # A corner of a at one of b's where the planes are parallel is the same point once more.
-    apart = np.linalg.norm(tail[0][i] - tail[1][j], axis=1)
-    is_same = (apart <= near) & is_over[1][j]
-    is_same &= (np.einsum("px,px->p", normal[0], normal[1]) < NEAR - 1.0)[pairs.pair[0][i]]
-    is_over[0][i[is_same]] = False
-    flat_along = [head - tail for head, tail in zip(flat_head, flat_tail, strict=True)]
-    s, t = _crossings(flat_tail[0][i], flat_along[0][i], flat_tail[1][j], flat_along[1][j], near)
-    crossed = np.flatnonzero(np.isfinite(s))
-    i, j = i[crossed], j[crossed]
-    s, t = s[crossed, None], t[crossed, None]
+    is_parallel = np.einsum("px,px->p", normal[0], normal[1]) < NEAR - 1.0
+    corner = _corners(pairs, one, other, is_parallel, SETTLED * size)
+    crossed, s, t = _crossings(pairs, one, other, SETTLED * size)
+    i, j = (edges[crossed] for edges in pairs.couples)
 
     # Their places, normals and gaps: corners of a, corners of b, crossings, in this order.
-    corner = [np.flatnonzero(over) for over in is_over]
     pair_of = [pairs.pair[0][corner[0]], pairs.pair[1][corner[1]], pairs.pair[0][i]]
-    crossing = tail[0][i] + s * along[0][i], tail[1][j] + t * along[1][j]
-    crossed_by, is_apart = _ways(pairs, pose, (i, j), normal, (along[0][i], along[1][j]), mean)
-    ways = -normal[1][pair_of[0]], normal[0][pair_of[1]]
-    at = [tail[0][corner[0]], tail[1][corner[1]], 0.5 * (crossing[0] + crossing[1])]
-    n = np.concatenate([*ways, crossed_by])
+    crossing = one.tail[i] + s * one.along[i], other.tail[j] + t * other.along[j]
+    crossed_by, is_apart = _ways(pairs, pose, (i, j), normal, (one.along[i], other.along[j]), mean)
+    at = [one.tail[corner[0]], other.tail[corner[1]], 0.5 * (crossing[0] + crossing[1])]
+    n = np.concatenate([-normal[1][pair_of[0]], normal[0][pair_of[1]], crossed_by])
     above = np.concatenate([
         plane[1][pair_of[0]] - at[0], at[1] - plane[0][pair_of[1]], crossing[1] - crossing[0],
     ])  # fmt: skip
     gap = np.einsum("kx,kx->k", above, n)
     pair, x = np.concatenate(pair_of), np.concatenate(at)
+
     # Points behind a block, of overlaps without width, and overlaps where nothing touches are left
     # out.
     a, b = pairs.block[:, pair]
@@ -158,19 +158,26 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     is_kept[len(x) - len(crossed) :] &= ~is_apart | (gap[len(x) - len(crossed) :] >= 0.0)
     kept = np.flatnonzero(is_kept & (_widths(pair, x, basis) > CLOSED * size)[pair])
     a, b, x, n, gap, pair = a[kept], b[kept], x[kept], n[kept], gap[kept], pair[kept]
-
-    # Slip of b against a since the start, in the frame of the block that the normal belongs to.
-    slid = start.placed(a, pose.origin(a, x)) - start.placed(b, pose.origin(b, x))
-    owner = np.where(kept < len(at[0]), b, a)
-    slid = pose.turned(owner, np.einsum("kji,kj->ki", start.turn[owner], slid))
-    was_closed = np.abs(gap - np.einsum("kx,kx->k", slid, n)) <= begin.loose
-    was_closed &= begin.touches[pair]
-    frame = tangents(n)
-    slip = np.where(was_closed[:, None], np.einsum("kix,kx->ki", frame, slid), 0.0)
-    axes = np.concatenate([frame, n[:, None]], axis=1)
-    more = np.cumsum([0, *map(len, tail)])
+    more = np.cumsum([0, len(one.tail), len(other.tail)])
     number = np.concatenate([more[0] + corner[0], more[1] + corner[1], more[2] + crossed])[kept]
+    owner = np.where(kept < len(at[0]), b, a)  # of the block that the normal belongs to
+    axes = np.concatenate([tangents(n), n[:, None]], axis=1)
+    slip = _slips(begin, pose, (a, b, owner), x, axes, gap)
+    slip[~begin.touches[pair]] = 0.0
     return Points(a, b, x, axes, gap, slip, facets.friction(a, b)), pair, number
+
+
+def _slips(
+    begin: Start, pose: Pose, blocks: tuple[IntArray, IntArray, IntArray], x: FloatArray,
+    axes: FloatArray, gap: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Returns slips (k, 2) of block b against a since the start, in the frame of the owner of the
+    normal, at points that were closed then; ``blocks`` are a, b and the owner of each."""
+    start, (a, b, owner) = begin.pose, blocks
+    slid = start.placed(a, pose.origin(a, x)) - start.placed(b, pose.origin(b, x))
+    slid = pose.turned(owner, np.einsum("kji,kj->ki", start.turn[owner], slid))
+    was_closed = np.abs(gap - np.einsum("kx,kx->k", slid, axes[:, 2])) <= begin.loose
+    return np.where(was_closed[:, None], np.einsum("kix,kx->ki", axes[:, :2], slid), 0.0)
 
 
 def _ways(
@@ -242,21 +249,42 @@ def _inside(
     return np.asarray((count % 2 == 1) | (np.bincount(of[is_near], minlength=len(corner)) > 0))
 
 
+def _corners(
+    pairs: Pairs, one: _Edges, other: _Edges, is_parallel: BoolArray, near: float
+) -> list[IntArray]:  # fmt: skip
+    """Returns the numbers of the corners of either side that lie over the other facet. A corner of
+    a at one of b's is the same point once more where the planes of their pair are parallel (P,)."""
+    i, j = pairs.couples
+    is_over = [
+        _inside(one.flat_tail, i, other.flat_tail[j], other.flat_head[j], near),
+        _inside(other.flat_tail, j, one.flat_tail[i], one.flat_head[i], near),
+    ]
+    apart = np.linalg.norm(one.tail[i] - other.tail[j], axis=1)
+    is_same = (apart <= near) & is_over[1][j] & is_parallel[pairs.pair[0][i]]
+    is_over[0][i[is_same]] = False
+    return [np.flatnonzero(over) for over in is_over]
+
+
 def _crossings(
-    tail: FloatArray, along: FloatArray, other: FloatArray, beside: FloatArray, near: float
-) -> tuple[FloatArray, FloatArray]:
-    """Returns where edges (e, 2) cross, as shares of both lengths, NaN where they do not.
+    pairs: Pairs, one: _Edges, other: _Edges, near: float
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Returns which couples of edges cross in their mean plane, and where (k, 1), as shares of both
+    lengths.
 
     Crossings ``near`` an end (length) are left out: :func:`_inside` counts the corner there.
     """
+    i, j = pairs.couples
+    tail, head = one.flat_tail[i], one.flat_head[i]
+    along, beside = head - tail, other.flat_head[j] - other.flat_tail[j]
     lengths = np.linalg.norm(along, axis=1), np.linalg.norm(beside, axis=1)
-    turn, offset = _cross(along, beside), other - tail
+    turn, offset = _cross(along, beside), other.flat_tail[j] - tail
     is_plain = np.abs(turn) > NEAR * lengths[0] * lengths[1]
     divisor = np.where(is_plain, turn, 1.0)
     s, t = _cross(offset, beside) / divisor, _cross(offset, along) / divisor
     for share, length in zip((s, t), lengths, strict=True):
         is_plain &= (share * length > near) & ((1.0 - share) * length > near)
-    return np.where(is_plain, s, np.nan), t
+    crossed = np.flatnonzero(is_plain)
+    return crossed, s[crossed, None], t[crossed, None]
 
 
 def _cross(one: FloatArray, other: FloatArray) -> FloatArray:

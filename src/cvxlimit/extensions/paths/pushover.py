@@ -1,9 +1,17 @@
-"""A path as it is asked for, and beside one that slides the same with half the step."""
+"""A path as it is asked for, and beside one that slides the same with half the step.
+
+1. What is asked is checked, and the scene solved at rest (:func:`cvxlimit.solve`).
+2. One run follows the blocks (:mod:`.following`), and goes on by explicit steps
+   (:mod:`.proximal`) where they come to no rest.
+3. A path with explicit steps is followed by the other flow rule as well.
+4. Where joints slide, and the step was not given, all steps are halved, again and again, until that
+   changes little.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -22,6 +30,7 @@ from cvxlimit.methods.solving import solve
 from cvxlimit.results.movement import checked_control
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
+from cvxlimit.solution import Solution
 
 SLIDES = {
     "associated": "joints slide on the way, so that the curve depends on the step, on the unsafe "
@@ -49,6 +58,13 @@ TURNED = (
     "blocks have come back from where reactions or ties gave way, so that the curve depends on the "
     "step"
 )
+
+
+_CHOICES = {
+    "flow": get_args(Flow),
+    "certify": ("all", "last", "none"),
+    "pressures": ("turning", "keeping"),
+}
 
 
 def pushover(
@@ -143,18 +159,13 @@ def pushover(
     ('zero', 0.4, 0.2)
     """
     before = scene if isinstance(scene, Path) else None
-    if isinstance(scene, Path):
-        scene = scene.scene
+    scene = scene.scene if isinstance(scene, Path) else scene
     check_scene(scene)
-    why_not: InputError | NoAnswerError | None
     scene, why_not = begun(scene)
-    for name, value, known in (
-        ("flow", "associated" if flow is None else flow, get_args(Flow)),
-        ("certify", certify, ("all", "last", "none")),
-        ("pressures", pressures or "turning", ("turning", "keeping")),
-    ):  # fmt: skip
-        if value not in known:
-            raise ModelError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+    for name, value in (("flow", flow), ("certify", str(certify)), ("pressures", pressures)):
+        if value not in (None, *_CHOICES[name]):
+            known = ", ".join(_CHOICES[name])
+            raise ModelError(f"{name} must be one of {known}, got {value!r}")
     if pressures is not None and before is not None:
         raise ModelError(
             f"pressures={pressures!r} is for a scene: a path goes on with its own loads"
@@ -171,107 +182,47 @@ def pushover(
     not_negative(stretch, "stretch")
     if not is_number(until):
         raise ModelError(f"until must be a load factor, got {until!r}")
-    is_own, kind = step is None, flow or (before.flow if before else "associated")
+    # What all runs share: the solution at rest, and notes that hold of any of them.
+    initial, refusal = (before.initial, None) if before else _at_rest(scene, why_not)
+    turns = bool(scene.dead.pressures or scene.live.pressures)
+    notes = [DISPLACED] * (initial is None) + [TURN] * turns + [KEEP] * keeps
+    notes += [PUSHES] * bool(scene.reactions)
     about = None if control is None else checked_control(scene, control)
-    begin = half = other = None
+    about = about or (before.control if before else None)
+    task = _Task(
+        scene, initial, refusal, float(until), certify,
+        reach or REACH * scene.contacts.typical_size, stretch, about, tuple(notes),
+        progress or (lambda line: None),
+    )  # fmt: skip
+    # The path, and where it has explicit steps the same by the other flow rule.
+    kind, given = flow or (before.flow if before else "associated"), step
     if before is not None:
-        step, about = step or before.step or None, about or before.control
-        begin = replace(before, control=about)
-        half = before.halved and replace(before.halved, control=about)
-        other = before.other_flow and replace(before.other_flow, control=about)
-    initial = None if before is None else before.initial
-    if before is None and why_not is None:
-        initial = solve(scene)
-        why_not = no_path(initial)
-        if why_not is not None and stands(initial):
-            raise why_not
-        initial = None if why_not is not None else initial
-    turn = bool(scene.dead.pressures or scene.live.pressures)
-    tell = progress or (lambda line: None)
-
-    def follow(
-        step: float | None, begin: Path | None, said: str = "", marks: FloatArray | None = None,
-        rule: Flow = kind,
-    ) -> Path:  # fmt: skip
-        walk = Walk(
-            scene, certify, reach or REACH * scene.contacts.typical_size,
-            lambda line: tell(f"{said}{line}"), rule, stretch,
-        )  # fmt: skip
-        if begin is not None:
-            walk.resume(begin)
-            if begin[-1].load_factor - until <= walk.enough(walk.found[-1]):
-                return begin
-        longest = begin.step if begin is not None and len(begin) > 1 else 0.0
-
-        def made(status: Ending, reason: str) -> Path:
-            slides, failures = any(x.slides for x in walk.found), walk.failures()
-            notes = [DISPLACED] * (initial is None) + [TURN] * turn + [KEEP] * keeps
-            notes += [PUSHES] * bool(scene.reactions)
-            notes += [TURNED] * any(x.bonds.turned(x.pose) for x in walk.found if x.bonds)
-            notes += [SLIDES[rule]] * slides
-            if failures:
-                torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])
-                more = f" and {len(failures) - 3} more" if failures[3:] else ""
-                notes.append(f"gone from there on: {torn}{more}")
-            return Path(
-                initial, tuple(x.shown for x in walk.found), status, reason, rule,
-                max(walk.step, longest), tuple(walk.snaps), walk.work(), slides, about,
-                tuple(notes), until=float(until), failures=failures, stretch=stretch,
-            )  # fmt: skip
-
-        def is_level() -> bool:
-            if walk.found[-1].shown.w <= walk.size:  # which needs no path to be made
-                return False
-            so_far = made("slides", "")
-            return so_far.level_for(walk.size) and so_far.slides_away
-
-        try:
-            ending = walk.walk(step, float(until), is_level, marks)
-            # Where iterates do not settle explicit steps go on, until they do again. Such steps
-            # know what does not come apart.
-            unsettled = {"not-converged", "blocked"}
-            is_at_end = walk.begin.bonds is not None and not walk.begin.bonds.lasts
-            while ending[0] in unsettled and walk.found and not is_at_end:
-                longest, unsettled = max(longest, walk.step), {*unsettled, "falls"}
-                end = go_on(walk, float(until), is_level)
-                is_at_end = end is not None
-                if end is None:
-                    ending = walk.walk(step, float(until), is_level, marks)
-                    walk.step = max(walk.step, longest)
-                elif end[0] != "not-converged" or walk.found[-1].shown.is_followed:
-                    ending = end
-            if ending[0] == "steps" and made("slides", "").slides_away:
-                ending = "slides", LEVEL_FOR
-        except KeyboardInterrupt:
-            if not walk.found:
-                raise
-            ending = "interrupted", "interrupted: what was found until then"
-        start = walk.found[0].shown.load_factor if walk.found else -np.inf
-        if why_not is not None and before is None and start <= until:
-            raise why_not  # no push holds it either
-        if certify == "last":
-            walk.found[-1] = walk.proved(walk.found[-1])
-        return made(*ending)
-
-    path = replace(follow(step, begin), halved=None, other_flow=None)
+        before, step = before.with_control(about), step or before.step or None
+    path = replace(_run(task, kind, step, before), halved=None, other_flow=None)
     if path.slides_away:  # smaller steps lead to the same end of a support
         is_there = path.status in ("zero", "falls", "blocked", "slides", "not-converged")
         return replace(path, reason=path.headline if is_there else path.reason)
     if path.followed and path.status != "interrupted":
-        rule = other_than(kind)
-        path = replace(path, other_flow=follow(step, other, f"{rule}: ", rule=rule))
-    if not (is_own and (path.slides or TURNED in path.notes)):
+        rule, begin = other_than(kind), before.other_flow if before else None
+        path = replace(path, other_flow=_run(task, rule, step, begin, f"{rule}: "))
+    if given is not None or not (path.slides or TURNED in path.notes):
         return path
-    # Every step of the path in two, where the package has chosen them, until that changes little.
-    notes, other = list(path.notes), path.other_flow
+    return _halved(task, path, before.halved if before else None, halvings, within)
+
+
+def _halved(
+    task: _Task, path: Path, half: Path | None, halvings: int, within: float
+) -> Path:  # fmt: skip
+    """A path with every step in two, as often as ``halvings`` says, until that changes no more than
+    ``within``; ``half`` is such a run to go on from."""
+    notes, other = [*path.notes], path.other_flow
     for _ in range(halvings):
         if path.status == "interrupted":
             break
-        if path.halved is not None:
-            path = path.halved
+        path = path.halved or path
         marks = np.sort(np.concatenate([path.w, 0.5 * (path.w[1:] + path.w[:-1])]))
-        first = replace(path, configurations=path.configurations[:1], snaps=())
-        half = follow(0.5 * path.step, half or first, "with half the step: ", marks)
+        begin = half or replace(path, configurations=path.configurations[:1], snaps=())
+        half = _run(task, path.flow, 0.5 * path.step, begin, "with half the step: ", marks)
         change, said = _change(path, half)
         notes.append(said)
         path = replace(path, halved=half, other_flow=other, notes=tuple(notes))
@@ -281,11 +232,109 @@ def pushover(
     return path
 
 
+def _at_rest(
+    scene: Scene, why_not: InputError | NoAnswerError | None
+) -> tuple[Solution | None, InputError | NoAnswerError | None]:
+    """The solution of a scene at rest; or None, and why no path begins there, unless the push holds
+    the scene."""
+    if why_not is not None:
+        return None, why_not
+    initial = solve(scene)
+    refusal = no_path(initial)
+    if refusal is not None and stands(initial):
+        raise refusal
+    return (initial, None) if refusal is None else (None, refusal)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What all runs of a path share: what is asked, the solution at rest or why there is none
+    (``refusal``), and the ``notes`` that hold of any run."""
+
+    scene: Scene
+    initial: Solution | None
+    refusal: InputError | NoAnswerError | None
+    until: float
+    certify: str
+    reach: float
+    stretch: float
+    control: tuple[str, tuple[float, float, float]] | None
+    notes: tuple[str, ...]
+    tell: Callable[[str], None]
+
+    def path(self, walk: Walk, status: Ending, reason: str, longest: float = 0.0) -> Path:
+        """What was walked, as a path that ends so; ``longest`` is a step of before."""
+        slides, failures = any(x.slides for x in walk.found), walk.failures()
+        notes = [*self.notes]
+        notes += [TURNED] * any(x.bonds.turned(x.pose) for x in walk.found if x.bonds)
+        notes += [SLIDES[walk.flow]] * slides
+        if failures:
+            torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])
+            more = f" and {len(failures) - 3} more" if failures[3:] else ""
+            notes.append(f"gone from there on: {torn}{more}")
+        return Path(
+            self.initial, tuple(x.shown for x in walk.found), status, reason, walk.flow,
+            max(walk.step, longest), tuple(walk.snaps), walk.work(), slides, self.control,
+            tuple(notes), until=self.until, failures=failures, stretch=self.stretch,
+        )  # fmt: skip
+
+
+def _run(
+    task: _Task, flow: Flow, step: float | None, begin: Path | None, said: str = "",
+    marks: FloatArray | None = None,
+) -> Path:  # fmt: skip
+    """One run of a path by a ``flow`` rule, from the end of ``begin`` if given, with steps from one
+    of the ``marks`` (w) to the next; ``said`` stands before what is told."""
+    walk = Walk(
+        task.scene, task.certify, task.reach, lambda line: task.tell(f"{said}{line}"), flow,
+        task.stretch,
+    )  # fmt: skip
+    if begin is not None:
+        walk.resume(begin)
+        if begin[-1].load_factor - task.until <= walk.enough(walk.found[-1]):
+            return begin
+    longest = begin.step if begin is not None and len(begin) > 1 else 0.0
+
+    def is_level() -> bool:
+        if walk.found[-1].shown.w <= walk.size:  # which needs no path to be made
+            return False
+        so_far = task.path(walk, "slides", "", longest)
+        return so_far.level_for(walk.size) and so_far.slides_away
+
+    try:
+        ending = walk.walk(step, task.until, is_level, marks)
+        # Where iterates do not settle explicit steps go on, until they do again. Such steps
+        # know what does not come apart.
+        unsettled = {"not-converged", "blocked"}
+        is_at_end = walk.begin.bonds is not None and not walk.begin.bonds.lasts
+        while ending[0] in unsettled and walk.found and not is_at_end:
+            longest, unsettled = max(longest, walk.step), {*unsettled, "falls"}
+            end = go_on(walk, task.until, is_level)
+            is_at_end = end is not None
+            if end is None:
+                ending = walk.walk(step, task.until, is_level, marks)
+                walk.step = max(walk.step, longest)
+            elif end[0] != "not-converged" or walk.found[-1].shown.is_followed:
+                ending = end
+        if ending[0] == "steps" and task.path(walk, "slides", "", longest).slides_away:
+            ending = "slides", LEVEL_FOR
+    except KeyboardInterrupt:
+        if not walk.found:
+            raise
+        ending = "interrupted", "interrupted: what was found until then"
+    start = walk.found[0].shown.load_factor if walk.found else -np.inf
+    if task.refusal is not None and start <= task.until:
+        raise task.refusal  # no push holds it either
+    if task.certify == "last":
+        walk.found[-1] = walk.proved(walk.found[-1])
+    return task.path(walk, *ending, longest)
+
+
 def _change(path: Path, half: Path) -> tuple[float, str]:
     """How much half the step changes of a path, as a share, and in words."""
     unit = path.scene.units.length
     ends = (x.d0 if np.isfinite(x.d0) else x.displacement[-1] for x in (path, half))
-    one, other = (f"{w:.4g} {unit} ({x.status})" for w, x in zip(ends, (path, half), strict=True))
+    one, other = (f"{w:.4g} {unit} ({x.ending})" for w, x in zip(ends, (path, half), strict=True))
     reached = path.w[path.w <= half.w[-1]]
     change = np.interp(reached, half.w, half.load_factor) - path.load_factor[: len(reached)]
     most = change[np.abs(change).argmax()] / abs(path.load_factor[0])

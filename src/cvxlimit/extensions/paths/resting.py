@@ -1,7 +1,15 @@
 """Equilibria at a given mean displacement w of the live load, from a configuration near by.
 
-One convex problem follows the other on exact geometry (:mod:`.increment`), until it moves nothing
-any more. The load factor is its multiplier.
+One convex problem follows the other on exact geometry (:mod:`.increment`). Its dual moves the
+blocks by d, so that the live load goes as far as w, no point is overrun, and the dead load rises as
+little as it can; they are moved by exact rotations, and the problem is built anew. Where d vanishes
+blocks are at rest, and its multiplier is the load factor.
+
+With dilatancy an iterate is one problem, and a step shorter than d where mechanisms compete.
+Without it an iterate is two: friction for the slips so far, then displacements with friction held;
+what counts is the loss, by how much friction does not oppose the whole slip. Cohesion and ties that
+come apart on the way do not hold where blocks come to rest, so that rest is sought again without
+them.
 """
 
 from __future__ import annotations
