@@ -121,6 +121,11 @@ class Theta:
             end += len(values)
         return result
 
+    def parameters(self) -> list[cp.Parameter]:
+        """Those that any coefficient depends on, in the order in which they came."""
+        sources = [part for part in self._parts if not isinstance(part, tuple)]
+        return list(dict.fromkeys(p for source in sources for p in source.parameters()))
+
 
 def check_values(parameters: Iterable[cp.Parameter]) -> None:
     for parameter in parameters:

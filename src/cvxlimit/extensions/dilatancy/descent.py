@@ -28,7 +28,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.dilatancy.members import Verifier
 from cvxlimit.extensions.dilatancy.pair import Pair, pressed
-from cvxlimit.methods.convex_search import ConvexSearch
+from cvxlimit.methods.convex import ConvexSearch
 from cvxlimit.methods.driver import Run
 from cvxlimit.solution import Member
 from cvxlimit.solvers import LimitState
