@@ -13,6 +13,7 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ from cvxlimit.cli.report import show
 from cvxlimit.errors import SolverError
 from cvxlimit.io import read_result, read_scene, write_scene
 from cvxlimit.masonry import BUILTIN, Arch, bridge
+from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import TABLE
 from cvxlimit.plotting import PICTURES
 from cvxlimit.readings.named import MOMENTS
@@ -169,6 +171,23 @@ def test_what_a_solver_prints_is_no_part_of_the_result(capfd: pytest.CaptureFixt
     assert json.loads(capfd.readouterr().out)["scene"] == "arch"
 
 
+def test_nor_is_what_one_prints_while_supports_settle(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Native code writes to the stream's number, past Python."""
+
+    def talking(*args: Any, **kwargs: Any) -> Any:
+        os.write(1, b"a solver introduces itself\n")
+        return settlement(*args, **kwargs)
+
+    monkeypatch.setattr(solving, "settlement", talking)
+    asked = ["settle", "s10-panel", "--support", "ground", "--direction=0,0,-1", "--json", "-"]
+    assert cli.run(asked) == 0
+    printed = capfd.readouterr()
+    assert json.loads(printed.out)["scene"] == "s10-panel"
+    assert "a solver introduces itself" in printed.err
+
+
 def test_result_file_equals_what_solve_returned(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     returned: list[Solution] = []
     solve = solving.solve
@@ -245,6 +264,13 @@ def test_the_result_is_of_what_was_asked_for(
         ("--branching-seconds 3", "--branching-seconds and --workers go with --method certified"),
         ("--workers 2", "--branching-seconds and --workers go with --method certified"),
         ("--method certified --workers 2 --branching-seconds 0", "--workers 2 does nothing"),
+        *(
+            (
+                f"--method zero-dilatancy --seed 3 {more}",
+                "--branching-seconds and --workers go with --method certified",
+            )
+            for more in ("--workers 2", "--branching-seconds 3")
+        ),
     ],
 )
 def test_options_without_effect_are_refused(run: Run, options: str, phrase: str) -> None:

@@ -1,4 +1,4 @@
-"""Fifty broken geometry files, each with a phrase that the one-line refusal must hold.
+"""Broken geometry files, each with a phrase that the one-line refusal must hold.
 
 ``BROKEN`` maps a name to (file name, content, phrase). Where a block exists in the file the phrase
 names it.
@@ -195,6 +195,11 @@ BROKEN: dict[str, tuple[str, str | bytes, str]] = {
         "a.gltf",
         json.dumps(gltf(nodes=[{"children": [i + 1, i + 1]} for i in range(60)] + [{"mesh": 0}])),
         "is a child of two nodes",
+    ),
+    "gltf-in-a-circle": (
+        "a.gltf",
+        json.dumps(gltf(nodes=[{"children": [1], "mesh": 0}, {"children": [0]}, {"mesh": 0}])),
+        "a.gltf: node 1 lies below itself; nodes must form a tree",
     ),
     # JSON and tables
     "json-nested": ("a.json", "[" * 100_000, "a.json: brackets are nested too deeply"),

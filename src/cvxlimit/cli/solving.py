@@ -267,13 +267,13 @@ class SolveCommand(Command):
     def _settings(self) -> dict[str, Any]:
         """Of :func:`cvxlimit.solve`; the options of one method go into it."""
         names = ("method", "moments", "tolerance", "model", "solver")
-        given = {name: getattr(self, name) for name in names}
+        given: dict[str, Any] = {name: getattr(self, name) for name in names}
         efforts = {name: getattr(self, name) for name in ("searches", "budget", "seed")}
         if chosen := {name: value for name, value in efforts.items() if value is not None}:
             if self.method != "zero-dilatancy":
                 named = " and ".join(f"--{name}" for name in chosen)
                 raise ModelError(f"{named} goes with --method zero-dilatancy")
-            return {**given, "method": TABLE[self.method](**chosen)}
+            given["method"] = TABLE[self.method](**chosen)
         if self.branching_seconds is None and self.workers == 1:
             return given
         if self.method != "certified":
@@ -350,5 +350,6 @@ class SettleCommand(Command):
             found = settlement(scene, self.support or None, along, progress=tell, **given)
             return scene, found.solution
 
-        scene, solution = interruptible(settled)
+        with _prints_on_stderr() if files.is_piped else nullcontext():
+            scene, solution = interruptible(settled)
         return deliver(scene, self.scene, solution, files)

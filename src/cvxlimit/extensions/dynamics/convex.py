@@ -13,8 +13,10 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import polygon_vectors
 from cvxlimit.geometry.penetration import Body
 
-FILLED = 1e-6
-"""Share of a block's volume that the hull of one of its pieces may add."""
+NOTHING = 1e-6
+"""What counts as nothing beside a whole, well above rounding: a share of a block's volume, which
+the hull of a piece may add; of the largest triangle's area, below which one has no plane; of a
+piece's size, by which corners may lie above a plane."""
 
 MOST = 64
 """Pieces of a block: with more of them, every joint has more contacts than an engine takes well."""
@@ -35,7 +37,6 @@ def convex_pieces(block: Block) -> list[FloatArray]:
     -------
     An L of two boxes:
 
-    >>> from cvxlimit.geometry.solids import solid
     >>> profile = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 3), (0, 3)]
     >>> points = [(x, y, z) for y in (0, 1) for x, z in profile]
     >>> sides = [(i, (i + 1) % 6, 6 + (i + 1) % 6, 6 + i) for i in range(6)]
@@ -46,7 +47,7 @@ def convex_pieces(block: Block) -> list[FloatArray]:
     if block.is_convex:
         return [block.vertices]
     body = Body.of(block, block.centroid)
-    allowed = FILLED * block.volume
+    allowed = NOTHING * block.volume
     waiting, done = [*body.manifold.decompose()], list[FloatArray]()
     while waiting:
         piece = waiting.pop()
@@ -88,11 +89,11 @@ def _planes(piece: manifold3d.Manifold) -> list[tuple[tuple[float, ...], float]]
     triangles = corners[np.asarray(shell.tri_verts, dtype=np.int64)]
     vectors = polygon_vectors(triangles)
     area = np.linalg.norm(vectors, axis=1)
-    kept = area > FILLED * area.max()
+    kept = area > NOTHING * area.max()
     normals = vectors[kept] / area[kept, None]
     offsets = np.einsum("tk,tk->t", normals, triangles[kept].mean(axis=1))
     above = (normals @ corners.T - offsets[:, None]).max(axis=1)
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    found = np.column_stack([normals, offsets / size])[above > FILLED * size]
+    found = np.column_stack([normals, offsets / size])[above > NOTHING * size]
     _, first = np.unique(found.round(6), axis=0, return_index=True)
     return [(tuple(row[:3].tolist()), float(row[3] * size)) for row in found[np.sort(first)]]

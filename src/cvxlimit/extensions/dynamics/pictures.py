@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cvxlimit.extensions.dynamics.shaking import Shaking
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.look import WAY_TEXT, of_kind, printable
 from cvxlimit.plotting.pictures.animation import Animation, frames_of
@@ -22,18 +23,19 @@ _FEWEST, _MOST = 16, 120
 
 
 def draw_shaking(
-    shaking: Any, kind: str, file: str | os.PathLike[str] | None, options: dict[str, Any]
+    shaking: Shaking, kind: str, file: str | os.PathLike[str] | None, options: dict[str, Any]
 ) -> Any:
     """Draws the picture of that ``kind``; returns it, or the file it is saved to."""
     kinds = {"curve": curve, "film": film, "frame": frame}
     return of_kind("motion in time", kinds, kind, shaking, file, options)
 
 
-def curve(shaking: Any, **options: Any) -> Any:
+def curve(shaking: Shaking, **options: Any) -> Any:
     """A figure of displacement over time, with all runs."""
     chart = figures("sheet").Sheet.of((6.4, 4.4), **options)
     unit = printable(shaking.scene.units.length)
-    colours = Style.amber, Style.violet, Style.green, Style.blue  # the best run last
+    # The four runs of cvxlimit.shake, the best one last.
+    colours = Style.amber, Style.violet, Style.green, Style.blue
     for each, colour in zip(shaking.histories, colours, strict=True):
         label = f"step {1e3 * each.step:.2g} ms, contacts {1e3 * each.time_constant:.2g} ms"
         width = 2.0 if each is shaking.histories[-1] else 1.0
@@ -46,7 +48,7 @@ def curve(shaking: Any, **options: Any) -> Any:
     return chart.figure
 
 
-def film(shaking: Any, *, viewer: Viewer = None, **options: Any) -> Animation:
+def film(shaking: Shaking, *, viewer: Viewer = None, **options: Any) -> Animation:
     """An animation of the best run, as the ground sees it."""
     last = float(shaking.histories[-1].times[-1])
     count = int(np.clip(round(_PER_SECOND * last), _FEWEST, _MOST))
@@ -56,13 +58,15 @@ def film(shaking: Any, *, viewer: Viewer = None, **options: Any) -> Animation:
     return Animation(frames, max(last, count / _PER_SECOND))
 
 
-def frame(shaking: Any, *, time: float | None = None, viewer: Viewer = None, **options: Any) -> Any:
+def frame(
+    shaking: Shaking, *, time: float | None = None, viewer: Viewer = None, **options: Any
+) -> Any:
     """A picture of one moment of the best run, its end by itself."""
     drawing, _ = _drawing(shaking, [time], viewer)
     return figures().drawn(drawing, **options)
 
 
-def _drawing(shaking: Any, times: Any, viewer: Viewer) -> tuple[Drawing, Any]:
+def _drawing(shaking: Shaking, times: Any, viewer: Viewer) -> tuple[Drawing, Any]:
     """The drawing of the moment that moved most, and the motions to all."""
     scene = shaking.scene
     motions = motions_of(scene, [shaking.configuration(time) for time in times])
@@ -74,7 +78,7 @@ def _drawing(shaking: Any, times: Any, viewer: Viewer) -> tuple[Drawing, Any]:
     ), motions  # fmt: skip
 
 
-def _title(shaking: Any) -> str:
+def _title(shaking: Shaking) -> str:
     name = f"{printable(shaking.scene.name)}, {printable(shaking.record.name)}"
     if shaking.ending is None:
         return f"{name}: not decided, runs differ"

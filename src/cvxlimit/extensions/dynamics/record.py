@@ -23,8 +23,9 @@ Shape = Literal["rectangle", "half-sine", "sine"]
 ACCELERATIONS = {f"{name}/s2": metre for name, metre in METRES.items()} | {"gal": 0.01}
 """Units of acceleration beside g, in m/s2."""
 
-POINTS = 1000
-"""Straight pieces of a sine: their area is that of the sine to one part in a million."""
+PIECES = 1000
+"""Straight pieces of a pulse. The area of half a sine is short by pi^2 / (12 n^2) of itself with n
+of them: 8e-7 where half a sine has all, 3.3e-6 for either half of a full sine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +150,7 @@ def pulse(shape: Shape, amplitude: float, duration: float, unit: str = "g") -> R
     name = f"{shape} of {amplitude:g} {unit} over {duration:g} s"
     if shape == "rectangle":
         return Record(np.array([0.0, duration]), np.full(2, factor * amplitude), name)
-    times = np.linspace(0.0, duration, POINTS + 1)
+    times = np.linspace(0.0, duration, PIECES + 1)
     turns = np.pi if shape == "half-sine" else 2.0 * np.pi
     return Record(times, factor * amplitude * np.sin(turns * times / duration), name)
 

@@ -60,7 +60,7 @@ class Shaking:
     direction : (3,) array
         Unit vector along which the ground accelerates.
     histories : tuple of TimeHistory
-        Steps long and short, each with soft and stiff contacts; the last one is the best.
+        Four: steps long and short, each with soft and stiff contacts; the last one is the best.
     control : (block id, direction) or None
         Whose displacement is told; None: the largest of all blocks at each time.
     """

@@ -11,8 +11,7 @@ import logging
 import os
 import re
 import struct
-from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -102,16 +101,28 @@ def _check_gltf(data: bytes, kind: str) -> None:
     claimed = sum(accessor["count"] for accessor in _list(document, "accessors"))
     if claimed > total:
         raise InputError(f"its accessors count {claimed} elements, its buffers {total} bytes")
-    children = [
-        child
-        for node in _list(document, "nodes")
-        if isinstance(node, dict)
-        for child in _list(node, "children")
-    ]
-    counts = Counter(child for child in children if isinstance(child, int))
-    twice = [child for child, times in counts.items() if times > 1]
-    if twice:
-        raise InputError(f"node {shown(twice[0])} is a child of two nodes; nodes must form a tree")
+    _check_tree(_list(document, "nodes"))
+
+
+def _check_tree(nodes: Sequence[Any]) -> None:
+    """Refuse nodes with two parents, and those that lie below themselves."""
+    parent = dict[int, int]()
+    for number, node in enumerate(nodes):
+        for child in _list(node, "children") if isinstance(node, dict) else ():
+            if not isinstance(child, int):
+                continue
+            if child in parent:
+                raise InputError(f"node {child} is a child of two nodes; nodes must form a tree")
+            parent[child] = number
+    followed = set[int]()  # nodes from which the way up has been taken already
+    for node in parent:
+        way = set[int]()
+        while node in parent and node not in followed:
+            followed.add(node)
+            way.add(node)
+            node = parent[node]
+        if node in way:
+            raise InputError(f"node {node} lies below itself; nodes must form a tree")
 
 
 def _gltf_text(data: bytes) -> bytes:
