@@ -191,9 +191,18 @@ class ForceModel:
         length: float = 1.0,
         components: Mapping[str, LinearForm] = MappingProxyType({}),
     ) -> tuple[dict[str, Any], list[Any]]:
-        """The forces as new unknowns of a sink: components and parts, all over the unit of
-        ``force``; and the parts once more, in order, moments over ``length`` besides. For parts
-        that other unknowns give, forms in these and in parts before, the others are made here."""
+        """The forces as new unknowns of a sink.
+
+        ``components`` may give a part as a linear form of parts before it, of force components, or
+        of unknowns that no part has, which are made here; a part without a form is an unknown.
+
+        Returns
+        -------
+        forces : dict
+            Forms of components and parts by name, over the unit ``force``.
+        internal : list
+            Forms of the parts in order, moments over the unit ``length`` besides.
+        """
         forces, internal = _Forces(self), []
         forces[CONSTANT] = 1.0 / force
         for part in self.parts:
@@ -202,14 +211,14 @@ class ForceModel:
             for name in [name for name in form if name not in {**forces, **forces.parts}]:
                 forces[name] = into.new(size, name)
             if form:
-                force = express(form, forces, None if size == self.count else part.contact)
-                internal.append(force / unit)
+                value = express(form, forces, None if size == self.count else part.contact)
+                internal.append(value / unit)
             else:
                 internal.append(into.new(size, part.name, part.nonneg))
-                force = internal[-1] if unit == 1.0 else unit * internal[-1]
-            forces.parts[part.name] = force
+                value = internal[-1] if unit == 1.0 else unit * internal[-1]
+            forces.parts[part.name] = value
             if part.name not in (*COMPONENTS, CONSTANT):  # these always mean the contact's
-                forces[part.name] = force
+                forces[part.name] = value
         return forces, internal
 
 
@@ -319,8 +328,12 @@ def about_cells(formulation: Formulation, contacts: Contacts) -> str:
 
 
 def is_weak(contacts: Contacts) -> NDArray[np.bool_]:
-    """Contacts that may crush, (n,), no points: where the strength is a Parameter all others,
-    unless they say."""
+    """Which contacts may crush, (n,).
+
+    Those of limited compressive strength. Where that is a Parameter all may, as its value may
+    change, unless contacts know which have a limit (``crushes``, set by ``problem/given.py``).
+    Points never do.
+    """
     strength, faces = contacts.compressive_strength, ~contacts.is_point
     if isinstance(strength, cp.Expression):
         return np.asarray(faces & getattr(contacts, "crushes", faces))
@@ -391,6 +404,22 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
 
 
 def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
+    """The model with the strength f of ``weak`` contacts, rectangles of sides l1 and l2.
+
+    The pressure centre lies e1 = abs(M2) / N and e2 = abs(M1) / N off the middle. A uniform stress
+    f on the rectangle about it bears (docs/physics.md)
+
+        N <= f (l1 - 2 e1) (l2 - 2 e2) = f A (1 - 2 e1 / l1) (1 - 2 e2 / l2).
+
+    With two more variables per contact this is written as rotated cones, the first one for each
+    choice of signs:
+
+        z^2 <= (N +- 2 M2 / l1) (N +- 2 M1 / l2),   N^2 <= z s,   s^2 <= N f A.
+
+    The first says z <= N ((1 - 2 e1 / l1) (1 - 2 e2 / l2))^(1/2), the last s <= (N f A)^(1/2), and
+    the second joins them: N^4 <= z^2 s^2, divided by N^3, is the strength above. Where that
+    holds, z and s can be as large as these bounds, so that nothing is lost either.
+    """
     contacts = model.contacts
     l1, l2 = contacts.sides[weak].T
     most = product(contacts.compressive_strength, contacts.area)[weak]

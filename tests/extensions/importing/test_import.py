@@ -454,7 +454,7 @@ def test_a_block_model_with_materials_supports_and_transformations(tmp_path: Pat
     path = tmp_path / "model.json"
     path.write_text(json.dumps(block_model()))
     asked: dict[str, Any] = {"length_unit": "m", "up": "z", "friction": 0.5, "live": (1, 0, 0)}
-    with pytest.raises(InputError, match=r"density 2000 in the file.*--density-factor 0.00981"):
+    with pytest.raises(InputError, match=r"density 2000 in the file.*density_factor=0.00981"):
         import_geometry(path, **asked)
     scene = import_geometry(path, density_factor=0.00981, **asked).scene
     assert scene.supports == ("0",)
@@ -567,8 +567,8 @@ def test_a_survey_with_noise_is_imported_with_a_word(
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"supports": None}, "no file marks supports: say which blocks are fixed .--supports"),
-        ({"density": None}, "block '.*' has no density in the file: give --density"),
+        ({"supports": None}, "no file marks supports: say which blocks are fixed .supports="),
+        ({"density": None}, "block '.*' has no density in the file: give density="),
         ({"up": "-z"}, "up must be x, y or z, got '-z'"),
         ({"supports": ["floor"]}, "support 'floor' is not a block; the blocks are 'b1.1'"),
         ({"friction": -1}, "friction of the scene must be finite and not negative, got -1"),

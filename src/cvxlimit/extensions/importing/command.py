@@ -24,8 +24,10 @@ from cvxlimit.cli.report import (
     warn_of_geometry,
 )
 from cvxlimit.errors import GeometryError, InputError, ModelError
-from cvxlimit.extensions.importing.reading import bodies_in, sketch, unstated
+from cvxlimit.extensions.importing.bodies import Body
+from cvxlimit.extensions.importing.reading import bodies_in, unstated
 from cvxlimit.extensions.importing.supports import LOWEST
+from cvxlimit.geometry.blocks import Block
 from cvxlimit.io import Imported, import_geometry, write_scene
 from cvxlimit.plotting import plot_scene
 from cvxlimit.scene import Load, Pressure, Scene
@@ -54,6 +56,24 @@ _NEEDED = {
 
 def _spelt(name: str) -> str:
     return f"--{name.replace('_', '-')}"
+
+
+def _as_options(text: str) -> str:
+    """A message of :func:`cvxlimit.io.import_geometry` with options in place of its arguments.
+
+    >>> _as_options('check length_unit, or give supports="lowest" or supports=["ID", ...]')
+    'check --length-unit, or give --supports lowest or --supports ID,...'
+    """
+
+    def with_value(found: re.Match[str]) -> str:
+        plain = re.sub(r'[][" ]', "", found[2])
+        return f"{_spelt(found[1])} {plain}"
+
+    names = [each.name for each in fields(ImportCommand)]
+    value = r"""\[[^]]*\]|"[^"]*"|[\w.-]+"""  # a list, a word in quotes, a number or a word
+    text = re.sub(rf"(?<!')\b({'|'.join(names)})=({value})", with_value, text)
+    several_words = "|".join(name for name in names if "_" in name)
+    return re.sub(rf"\b({several_words})\b", lambda found: _spelt(found[0]), text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,10 +193,8 @@ class ImportCommand(Command):
         try:
             return interruptible(imported)
         except InputError as error:
-            arguments = "|".join(each.name for each in fields(self) if "_" in each.name)
-            text = re.sub(rf"\b({arguments})\b", lambda name: _spelt(name[0]), str(error))
-            error.args = ("; ".join((text, *notes)),)
-            culprit = scene if scene or not isinstance(error, GeometryError) else sketch(error)
+            error.args = (_as_options("; ".join((str(error), *notes))),)
+            culprit = scene if scene or not isinstance(error, GeometryError) else _sketch(error)
             if self.plot is not None and culprit is not None:
                 plot_scene(culprit, self.plot, error)
             raise
@@ -218,6 +236,21 @@ class ImportCommand(Command):
         return scene if not reactions else replace(scene, reactions=tuple(reactions))
 
 
+def _sketch(error: GeometryError) -> Scene | None:
+    """The body that ``error`` refuses, as an unchecked scene to draw; None if there is none."""
+    body = error.body
+    if not isinstance(body, Body) or not (
+        faces := tuple(tuple(face) for face in body.faces if len(set(face)) > 2)
+    ):
+        return None
+    middle = body.vertices.mean(axis=0)
+    block = Block(body.name, body.vertices, faces, density=0.0, volume=1.0, centroid=middle)
+    turning = Load(forces={body.name: (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)})  # a scene needs some load
+    below = replace(block, id=f"{body.name} below")  # and a support, neither of which is drawn
+    scene = Scene((block, below), (below.id,), turning, name=body.name)
+    return scene._copy(blocks=(block,), supports=())
+
+
 def _found(found: Imported, contacts: int, seconds: float) -> list[tuple[str, str]]:
     scene = found.scene
     blocks = scene.blocks
@@ -236,7 +269,7 @@ def _found(found: Imported, contacts: int, seconds: float) -> list[tuple[str, st
         ("faces", f"{sum(len(block.faces) for block in blocks)}"),
         ("contacts", f"{contacts}"),
         ("repairs", _repairs(scene)),
-        *(("note", note) for note in found.notes),
+        *(("note", _as_options(note)) for note in found.notes),
         ("near misses", f"{len(scene.near_misses)}"),
         ("lumped faces", "0" if scene.lumped is None else f"{scene.lumped.faces}"),
         ("time in s", f"{seconds:.3f}"),

@@ -126,7 +126,7 @@ def with_noise(
     unit = scene.units.length
     notes.append(
         f"faces are warped by up to {warp:.3g} {unit}, as by noise: gaps and overlaps of up to "
-        f"{wider:.3g} {unit} are taken as joints, unless --joint-tolerance says otherwise"
+        f"{wider:.3g} {unit} are taken as joints, unless joint_tolerance says otherwise"
     )
     return rough
 

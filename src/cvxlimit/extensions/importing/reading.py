@@ -1,4 +1,17 @@
-"""From geometry files to a scene: every file read, every body a block, nothing guessed."""
+"""From geometry files to a scene: every file read, every body a block, nothing guessed.
+
+:func:`import_geometry` takes four steps, and their helpers follow it in this order:
+
+1. Each file is read by the reader of its suffix, into bodies (:class:`Body`: corners, faces and
+   what else the file says), and bodies get names that differ.
+2. They are brought into the unit asked for, and densities into weights per volume.
+3. Supports are chosen, planes of no thickness become slabs, and bodies become blocks, which are
+   checked.
+4. Blocks and loads become a scene. Where faces are warped, as in surveys, joints are as wide.
+
+Messages name the arguments of :func:`import_geometry`; where an argument is a plain word they write
+``density=G`` or ``supports="lowest"``. ``cvxlimit import`` spells both as its options.
+"""
 
 from __future__ import annotations
 
@@ -35,6 +48,10 @@ from cvxlimit.io.fields import (
 from cvxlimit.scene import METRES, Load, Scene, Units
 from cvxlimit.scene.units import KILONEWTONS, G
 
+READERS: Mapping[str, Callable[[Path, list[str]], list[Body]]] = Door("cvxlimit.readers")
+"""Reader by suffix, of a file and the notes on what it leaves out; those of other distributions
+among them."""
+
 AXES = ("x", "y", "z")
 
 STONE = (5.0, 40.0)
@@ -42,6 +59,8 @@ STONE = (5.0, 40.0)
 
 _IGNORED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".txt", ".md")
 """Companions of geometry files, silently left alone in a folder."""
+
+Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +161,7 @@ def import_geometry(
         blurred, is_single_precision = too_few_digits(bodies), is_single(bodies)
         # 2. In the unit asked for, with weights per volume.
         bodies = _converted(bodies, length_unit, to_unit, notes)
+        # COMPAS, whose files are JSON, has mass per volume; all other formats have weight.
         is_mass = not files or any(file.suffix.lower() == ".json" for file in files)
         bodies = _with_densities(bodies, density, density_factor, is_mass, supports, notes)
         # 3. Which are fixed; all as blocks.
@@ -171,46 +191,6 @@ def import_geometry(
         return Imported(scene, tuple(map(str, files)), tuple(notes))
 
 
-def _axis(up: str) -> FloatArray:
-    if up not in AXES:
-        raise InputError(f"up must be x, y or z, got {up!r}")
-    return np.eye(3)[AXES.index(up)]
-
-
-@contextmanager
-def _blamed_on(blurred: str) -> Iterator[None]:
-    """Lead a refusal by what is wrong with the numbers of the files, if anything is."""
-    try:
-        yield
-    except InputError as error:
-        if blurred:
-            error.args = (f"{blurred} ({error})",)
-        raise
-
-
-def _converted(bodies: list[Body], given: str, asked: str | None, notes: list[str]) -> list[Body]:
-    """The bodies in the unit that is asked for; noted is each unit that a file states and that is
-    not the one given."""
-    units = Counter(body.unit for body in bodies if body.unit not in (None, given))
-    notes += [
-        f"the unit of {number} block{'s' * (number > 1)} is {unit} in the file, and {given} is "
-        "what was asked for: check --length-unit"
-        for unit, number in sorted(units.items())
-    ]
-    if asked is None:
-        return bodies
-    times = _metres(given) / _metres(asked)
-    return [replace(body, vertices=times * body.vertices) for body in bodies]
-
-
-def _metres(unit: str) -> float:
-    if unit not in METRES:
-        raise InputError(
-            f"there is no conversion of length unit {unit!r}: it must be one of {', '.join(METRES)}"
-        )
-    return METRES[unit]
-
-
 def of_compas(model: Any, live: ArrayLike | Load | None, **given: Any) -> Scene:
     """See :meth:`cvxlimit.scene.Scene.from_compas`."""
     if not is_object(model):
@@ -225,66 +205,13 @@ def of_compas(model: Any, live: ArrayLike | Load | None, **given: Any) -> Scene:
     return import_geometry(model, live=(1.0, 0.0, 0.0) if live is None else live, **given).scene
 
 
-def _strange_density(scene: Scene) -> list[str]:
-    """A word where blocks are far lighter or heavier than stone, as a rule by another unit."""
-    units, blocks = scene.units, [scene.blocks[i] for i in scene.free]
-    if units.length not in METRES or units.force not in KILONEWTONS or not blocks:
-        return []
-    given = scene.total_weight / sum(block.volume for block in blocks)
-    mean = given * KILONEWTONS[units.force] / METRES[units.length] ** 3
-    low, high = STONE
-    if low <= mean <= high:
-        return []
-    return [
-        f"the mean density is {mean:.3g} kN/m³, which no stone has ({low:g} to {high:g}): check "
-        "--density and --length-unit, or convert coordinates with --to-unit"
-    ]
+def _axis(up: str) -> FloatArray:
+    if up not in AXES:
+        raise InputError(f"up must be x, y or z, got {up!r}")
+    return np.eye(3)[AXES.index(up)]
 
 
-def sketch(error: GeometryError) -> Scene | None:
-    """The body that ``error`` refuses, as an unchecked scene to draw; None if there is none."""
-    body = error.body
-    if not isinstance(body, Body) or not (
-        faces := tuple(tuple(face) for face in body.faces if len(set(face)) > 2)
-    ):
-        return None
-    middle = body.vertices.mean(axis=0)
-    block = Block(body.name, body.vertices, faces, density=0.0, volume=1.0, centroid=middle)
-    turning = Load(forces={body.name: (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)})  # a scene needs some load
-    below = replace(block, id=f"{body.name} below")  # and a support, neither of which is drawn
-    scene = Scene((block, below), (below.id,), turning, name=body.name)
-    return scene._copy(blocks=(block,), supports=())
-
-
-def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) -> list[Body]:
-    """All bodies in a geometry file, as given; meshes that hold several are separated. ``notes``
-    gets a sentence on what is left out.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or holds no body: one line that names it.
-    """
-    file = Path(path)
-    with refusals(file_prefix(path)):
-        read = READERS.get(file.suffix.lower())
-        if read is None:
-            raise InputError(
-                f"cannot tell the format from {file.suffix or file.name!r}: give a file that ends "
-                f"in {', '.join(READERS)}, or a folder of such files"
-            )
-        bodies = read(file, [] if notes is None else notes)
-        if not any(len(body.faces) or body.is_box for body in bodies):
-            raise InputError("the file holds no faces; export the blocks as meshes")
-        return [part for body in bodies for part in separated(body)]
-
-
-READERS: Mapping[str, Callable[[Path, list[str]], list[Body]]] = Door("cvxlimit.readers")
-"""Reader by suffix, of a file and the notes on what it leaves out; those of other distributions
-among them."""
-
-
-Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+# 1. What files hold.
 
 
 def bodies_in(paths: Paths) -> list[Body]:
@@ -325,6 +252,29 @@ def _read(files: Sequence[Path], notes: list[str]) -> list[Body]:
     return result
 
 
+def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) -> list[Body]:
+    """All bodies in a geometry file, as given; meshes that hold several are separated. ``notes``
+    gets a sentence on what is left out.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no body: one line that names it.
+    """
+    file = Path(path)
+    with refusals(file_prefix(path)):
+        read = READERS.get(file.suffix.lower())
+        if read is None:
+            raise InputError(
+                f"cannot tell the format from {file.suffix or file.name!r}: give a file that ends "
+                f"in {', '.join(READERS)}, or a folder of such files"
+            )
+        bodies = read(file, [] if notes is None else notes)
+        if not any(len(body.faces) or body.is_box for body in bodies):
+            raise InputError("the file holds no faces; export the blocks as meshes")
+        return [part for body in bodies for part in separated(body)]
+
+
 def _unique(bodies: Sequence[Body], notes: list[str]) -> list[Body]:
     seen, unique = Counter[str](), []
     for body in bodies:
@@ -349,6 +299,32 @@ def _check_coordinates(bodies: Sequence[Body]) -> None:
             )
 
 
+# 2. The unit asked for, and weights per volume.
+
+
+def _converted(bodies: list[Body], given: str, asked: str | None, notes: list[str]) -> list[Body]:
+    """The bodies in the unit that is asked for; noted is each unit that a file states and that is
+    not the one given."""
+    units = Counter(body.unit for body in bodies if body.unit not in (None, given))
+    notes += [
+        f"the unit of {number} block{'s' * (number > 1)} is {unit} in the file, and {given} is "
+        "what was asked for: check length_unit"
+        for unit, number in sorted(units.items())
+    ]
+    if asked is None:
+        return bodies
+    times = _metres(given) / _metres(asked)
+    return [replace(body, vertices=times * body.vertices) for body in bodies]
+
+
+def _metres(unit: str) -> float:
+    if unit not in METRES:
+        raise InputError(
+            f"there is no conversion of length unit {unit!r}: it must be one of {', '.join(METRES)}"
+        )
+    return METRES[unit]
+
+
 def _with_densities(
     bodies: Sequence[Body],
     density: float | None,
@@ -357,8 +333,11 @@ def _with_densities(
     supports: str | Sequence[str] | None,
     notes: list[str],
 ) -> list[Body]:
-    """The bodies with weights per volume; where ``supports`` lack as well, one refusal names
-    both."""
+    """The bodies with weights per volume: ``density``, or else what files state times ``factor``.
+
+    With ``is_mass`` a file may state mass, and the factor has to be given. Where the files leave
+    out densities and supports, one refusal names both.
+    """
     stated = [body for body in bodies if body.density is not None]
     if density is not None:
         if stated:
@@ -367,13 +346,13 @@ def _with_densities(
     if stated and factor is None and is_mass:
         raise InputError(
             f"block {stated[0].name!r} has density {stated[0].density:g} in the file, as a rule "
-            "kg/m3 there: say what turns it into weight per volume (--density-factor 0.00981 "
-            "for kg/m3 to kN/m3), or give --density"
+            "kg/m3 there: say what turns it into weight per volume (density_factor=0.00981 "
+            "for kg/m3 to kN/m3), or give density=G, the weight per volume of all blocks"
         )
     if len(unstated(bodies, density, supports)) > 1:
         raise InputError(
-            "no file marks supports or states densities: say which blocks are fixed (--supports "
-            "lowest, or their ids with commas between them), and give --density (weight per volume)"
+            "no file marks supports or states densities: say which blocks are fixed "
+            '(supports="lowest" or supports=["ID", ...]), and give density=G, the weight per volume'
         )
     times = 1.0 if factor is None else factor
     return [
@@ -385,11 +364,26 @@ def _with_densities(
 def unstated(
     bodies: Sequence[Body], density: float | None, supports: str | Sequence[str] | None
 ) -> list[str]:
-    """What neither files nor arguments say, of supports and density."""
+    """Which of "supports" and "density" neither the files nor the arguments say: some body marked,
+    or drawn as a plane, says the former; a density for every other body the latter."""
     is_fixed = [body.is_support or is_sheet(body) for body in bodies]
     loose = [body for body, fixed in zip(bodies, is_fixed, strict=True) if not fixed]
     lacks = density is None and any(body.density is None for body in loose)
     return ["supports"] * (supports is None and len(loose) == len(bodies)) + ["density"] * lacks
+
+
+# 3. Blocks.
+
+
+@contextmanager
+def _blamed_on(blurred: str) -> Iterator[None]:
+    """Lead a refusal by what is wrong with the numbers of the files, if anything is."""
+    try:
+        yield
+    except InputError as error:
+        if blurred:
+            error.args = (f"{blurred} ({error})",)
+        raise
 
 
 def _blocks(bodies: Sequence[Body], fixed: set[str], tolerance: float | None) -> tuple[Block, ...]:
@@ -399,8 +393,8 @@ def _blocks(bodies: Sequence[Body], fixed: set[str], tolerance: float | None) ->
 def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:
     if body.density is None and not fixed:
         raise InputError(
-            f"block {shown(body.name)} has no density in the file: give --density (weight per "
-            "volume)"
+            f"block {shown(body.name)} has no density in the file: give density=G, the weight per "
+            "volume"
         )
     if body.is_box:
         return Block.box(body.name, body.vertices[0], body.vertices[1], body.density)
@@ -409,3 +403,22 @@ def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:
     except GeometryError as error:
         error.body = body
         raise
+
+
+# 4. What is strange about the scene.
+
+
+def _strange_density(scene: Scene) -> list[str]:
+    """A word where blocks are far lighter or heavier than stone, as a rule by another unit."""
+    units, blocks = scene.units, [scene.blocks[i] for i in scene.free]
+    if units.length not in METRES or units.force not in KILONEWTONS or not blocks:
+        return []
+    given = scene.total_weight / sum(block.volume for block in blocks)
+    mean = given * KILONEWTONS[units.force] / METRES[units.length] ** 3
+    low, high = STONE
+    if low <= mean <= high:
+        return []
+    return [
+        f"the mean density is {mean:.3g} kN/m³, which no stone has ({low:g} to {high:g}): check "
+        "it and length_unit, or convert coordinates with to_unit"
+    ]

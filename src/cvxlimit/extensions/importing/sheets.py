@@ -33,7 +33,7 @@ def with_slabs(bodies: list[Body], fixed: set[str], notes: list[str]) -> list[Bo
     if loose:
         raise InputError(
             f"block {shown(loose[0].name)} is a plane of no thickness, which encloses no stone: it "
-            "can only be a support; name it among the supports (--supports), or remove it"
+            "can only be a support; name it among the supports, or remove it"
         )
     others = [body for body in bodies if not is_sheet(body)]
     deep = _thickness_for(others)

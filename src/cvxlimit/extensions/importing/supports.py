@@ -35,8 +35,8 @@ def supports_of(
             return sheets
         if not marked:
             raise InputError(
-                "no file marks supports: say which blocks are fixed (--supports lowest, or their "
-                "ids with commas between them)"
+                'no file marks supports: say which blocks are fixed (supports="lowest" or '
+                'supports=["ID", ...])'
             )
         return marked
     chosen = _lowest(bodies, up, notes) if asked == LOWEST else set(_ids(asked, bodies))
@@ -53,7 +53,7 @@ def refuse_all_lowest(bodies: Sequence[Body], fixed: set[str], up: FloatArray) -
         axis = "xyz"[int(np.argmax(np.abs(up)))]
         raise InputError(
             f"all {len(bodies)} blocks are lowest along {axis}, so that none is left to move: if "
-            f"another axis points up say so (--up {'y' if axis == 'z' else 'z'}), or name supports"
+            f'another axis points up say so (up="{"y" if axis == "z" else "z"}"), or name supports'
         )
 
 
