@@ -69,7 +69,8 @@ _SUFFIXES = {"mechanism": PICTURES, "page": (".html",), "animation": (".gif", ".
 
 @dataclass(frozen=True)
 class Files:
-    """Where a solution is to be written; None where it is not. ``plot`` has ``KIND:FILE`` too."""
+    """Where a solution is to be written; None where it is not. ``plot`` has ``KIND:FILE`` too, and
+    ``without_dilatancy`` puts the number without dilatancy first in the report."""
 
     json: Path | None
     plot: Sequence[str] | None = None
@@ -105,8 +106,9 @@ class Files:
             found.append((kind, Path(name)))
         return found
 
-    def without(self, scene: Scene, solution: Solution) -> Solution | None:
-        """What leads the report, where it is asked for and not the solution itself."""
+    def led_by(self, scene: Scene, solution: Solution) -> Solution | None:
+        """The answer without dilatancy, solved for where ``--no-dilatancy`` asks that its number
+        lead the report; None where there is no report, or ``solution`` is one itself."""
         if self.report is None or not self.without_dilatancy or solution.flow != "associated":
             return None
         return solve(scene, solution.surfaces, method="zero-dilatancy")
@@ -138,10 +140,17 @@ def _drawn(kind: str, scene: Scene, solution: Solution, path: Path) -> Sequence[
 def deliver(
     scene: Scene, name: str, solution: Solution, files: Files, tolerance: float | None = None
 ) -> ExitCode:
+    """Writes what is asked for, shows what was found, and says how it ended.
+
+    ``name`` is how the scene was asked for, and ``tolerance`` the width of bracket that was, which
+    details show. The summary is shown even if a file cannot be written, on stderr where the
+    solution itself goes to stdout. An answer that is not good enough, or none, is complained of and
+    gives the exit code.
+    """
     written, other = list[str](), None
     try:
         written.extend(str(path) for path in files.write(scene, solution))
-        other = files.without(scene, solution)  # a search, after all else is there
+        other = files.led_by(scene, solution)  # a search, after all else is there
         if files.report is not None:
             page = solution.of(scene).report(files.report, without_dilatancy=other)
             written.append(str(page))

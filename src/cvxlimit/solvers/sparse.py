@@ -26,17 +26,23 @@ _WIDE = 5_000
 contacts are factorised in half of the time. On sixteen thousand that differs by a tenth, and the
 order itself takes five times as long."""
 
+# The next three were measured on walls one and three stones thick and on a ring, of seven to ten
+# thousand stones each; operations are those of the factorisation.
+
 _LEAF = 24
-"""Parts with this many nodes or fewer are not split any more."""
+"""Parts with this many nodes or fewer are not split any more. With 8 the order takes nearly twice
+as long and saves 1 to 3 % of the operations; with 96 they are 9 to 17 % more."""
 
 _FEW = 400
 """Equations below which SuperLU takes less time."""
 
 _LANDMARKS = 6
-"""Nodes far apart from which distances are taken as coordinates."""
+"""Nodes far apart from which distances are taken as coordinates. With 4 operations are 2 to 24 %
+more; with 12 the order takes a third to a half longer and saves up to 5 % of them."""
 
 _BALANCE = 0.3
-"""Least share of the nodes on either side of a cut."""
+"""Least share of the nodes on either side of a cut. Any from 0.1 to 0.45 changes operations by 2 %
+at most: cuts go through medians, and are uneven only where many nodes share a level."""
 
 
 def factorised(matrix: sp.csc_array, group: int = 1) -> Solve:
@@ -134,10 +140,16 @@ def nested_dissection(graph: sp.csr_array) -> IntArray:
 
 
 class _Dissection:
-    """Recursive bisection of one connected graph."""
+    """Recursive bisection of one connected graph.
+
+    ``places`` (n, 2 k - 1) are its coordinates: distances in edges from k landmarks, and the
+    differences of every two that follow each other. ``is_beyond`` is space for :meth:`split`: which
+    nodes lie on the far side of each possible cut.
+    """
 
     def __init__(self, graph: sp.csr_array) -> None:
-        """Distances (n, k) from landmarks that are far from each other, and their differences."""
+        """Takes the coordinates: the first landmark is a node farthest from any one, and each
+        further landmark the node whose nearest landmark is farthest away."""
         self.graph = graph
         distances = [_distances(graph, int(np.argmax(_distances(graph, 0))))]
         for _ in range(_LANDMARKS - 1):

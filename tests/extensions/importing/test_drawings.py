@@ -396,7 +396,7 @@ def test_lowest_of_blocks_that_are_all_lowest_asks_for_the_axis(tmp_path: Path) 
             space.add_lwpolyline(corners, close=True, dxfattribs={"thickness": 0.5})
 
     file = drawing(tmp_path / "wall.dxf", draw)
-    with pytest.raises(InputError, match=r"all 2 blocks are lowest along z, .* \(up="y"\)"):
+    with pytest.raises(InputError, match=r'all 2 blocks are lowest along z, .* \(up="y"\)'):
         import_geometry(file, **ASKED, density=20, supports="lowest")
     stands = import_geometry(file, **ASKED | {"up": "y"}, density=20, supports="lowest").scene
     assert len(stands.free) == 1

@@ -27,6 +27,11 @@ from cvxlimit.scene import Scene
 _FEW = 9
 """Numbers with fewer digits may have been cut; doubles written in full have 15 to 17."""
 
+NOISIEST = 5.0
+"""Times the usual joint tolerance, up to which a measured one is taken unasked: a twentieth of a
+stone's thickness, which is less than any stone is wide, so that none is joined to the next but
+one."""
+
 
 def too_few_digits(bodies: Sequence[Body]) -> str:
     """What is wrong with the coordinates, and the cure; empty if nothing is, or if a move to the
@@ -90,12 +95,6 @@ def _last_place(x: float, digits: int) -> float:
     return float(10.0 ** (np.floor(np.log10(x or 1.0)) + 1 - digits))
 
 
-NOISIEST = 5.0
-"""Times the usual joint tolerance, up to which a measured one is taken unasked: a twentieth of a
-stone's thickness, which is less than any stone is wide, so that none is joined to the next but
-one."""
-
-
 def with_noise(
     scene: Scene,
     bodies: Sequence[Body],
@@ -132,9 +131,10 @@ def with_noise(
 
 
 def _contacts_are_found(scene: Scene) -> bool:
-    """False if the search for contacts, which the first look at them starts, refuses the blocks."""
+    """False if the search for contacts refuses the blocks. A scene searches when its contacts are
+    first asked for, and keeps them."""
     try:
-        len(scene.contacts)
+        _ = scene.contacts
     except GeometryError:
         return False
     return True

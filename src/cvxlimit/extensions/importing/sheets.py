@@ -19,9 +19,8 @@ def is_sheet(body: Body) -> bool:
         return False
     if min(map(len, body.faces)) < 3 or not is_plane(body.vertices):
         return False
-    return bool(
-        np.any(area_vectors(body.vertices, body.faces))
-    )  # corners may span what no face does
+    # The corners may span an area that no face has.
+    return bool(np.any(area_vectors(body.vertices, body.faces)))
 
 
 def with_slabs(bodies: list[Body], fixed: set[str], notes: list[str]) -> list[Body]:
@@ -47,22 +46,26 @@ def with_slabs(bodies: list[Body], fixed: set[str], notes: list[str]) -> list[Bo
 
 def _slab(sheet: Body, others: Sequence[Body], thickness: float) -> Body:
     """The sheet as a slab that lies behind it, seen from where most of the other bodies are."""
+    # Corners (k, 3), each stored once, and faces as lists of their numbers.
     points, number = merged(sheet.vertices, np.arange(len(sheet.vertices)))
     faces = [[int(number[i]) for i in face] for face in sheet.faces]
-    vectors = area_vectors(points, faces)
+    # The unit normal (3,) is that of the largest face, towards the side of most of the others.
+    vectors = area_vectors(points, faces)  # (faces, 3)
     normal = vectors[int(np.linalg.norm(vectors, axis=1).argmax())]
     normal = normal / np.linalg.norm(normal)
-    middle = np.array([np.mean(other.vertices, axis=0) for other in others]).reshape(-1, 3)
-    if (np.sign((middle - points[0]) @ normal)).sum() < 0:
+    middles = np.array([np.mean(other.vertices, axis=0) for other in others]).reshape(-1, 3)
+    if (np.sign((middles - points[0]) @ normal)).sum() < 0:
         normal = -normal
-    faces = [f if v @ normal > 0.0 else f[::-1] for f, v in zip(faces, vectors, strict=True)]
-    table, k = EdgeTable.of(faces), len(points)
+    # The front: all faces turned that way. The back: corner i again as k + i, faces the other way.
+    front = [f if v @ normal > 0.0 else f[::-1] for f, v in zip(faces, vectors, strict=True)]
+    k, behind = len(points), points - thickness * normal
+    back = [[k + i for i in f[::-1]] for f in front]
+    # Between them a side along each edge a-b of the rim, that of one face only.
+    table = EdgeTable.of(front)
     rim = np.flatnonzero(table.uses[table.key] == 1)
     ends = np.stack([table.start[rim], table.end[rim]], axis=1).tolist()
     sides = [[b, a, k + a, k + b] for a, b in ends]
-    under = [[k + i for i in f[::-1]] for f in faces]
-    below = points - thickness * normal
-    return replace(sheet, vertices=np.vstack([points, below]), faces=[*faces, *under, *sides])
+    return replace(sheet, vertices=np.vstack([points, behind]), faces=[*front, *back, *sides])
 
 
 def _thickness_for(others: Sequence[Body]) -> float:
