@@ -44,6 +44,7 @@ class Constraints:
         self.unknowns: list[cp.Variable] = []
 
     def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Any:
+        """A variable (size,), or one number; without a name it is called after the label."""
         unknown = cp.Variable(() if size is None else size, name=name or f"{self.label} bound")
         self.unknowns.append(unknown)
         if nonneg:  # a constraint of its own: it has a label, and CVXPY keeps the variable
@@ -51,12 +52,16 @@ class Constraints:
         return unknown
 
     def nonneg(self, form: Any) -> None:
+        """form >= 0, entry by entry."""
         self.keep(form >= 0)
 
     def zero(self, form: Any) -> None:
+        """form = 0, entry by entry."""
         self.keep(form == 0)
 
     def cone(self, bound: Any, rows: Sequence[Any]) -> None:
+        """Second-order cones: the Euclidean norm of the i-th entries of all rows is at most the
+        i-th entry of the bound."""
         self.keep(cp.SOC(bound, cp.vstack(list(rows)), axis=0))
 
     def keep(self, constraint: Any) -> None:
@@ -70,6 +75,7 @@ class Constraints:
 
     @property
     def all(self) -> list[cp.Constraint]:
+        """The constraints, those of one label together."""
         return [constraint for named in self.named.values() for constraint in named]
 
 
@@ -272,6 +278,7 @@ class Form:
         return replace(copies, constant=np.repeat(self.constant, size))
 
     def _with_constant_entries(self) -> Form:
+        """The same with constants as entries of :data:`CONSTANT_COLUMN`, which can have a slot."""
         at = np.flatnonzero(self.constant)
         if not len(at):
             return self
@@ -285,6 +292,8 @@ class Form:
         )
 
     def _picked(self, entries: IntArray, rows: IntArray) -> Form:
+        """Some entries (m,) moved to ``rows`` (m,). The constants are still those of this form, of
+        its size: the caller replaces them by those of the new rows."""
         column, value = self.column[entries], self.value[entries]
         return Form(self.theta, rows, column, value, self.slot[entries], self.constant)
 
@@ -347,6 +356,7 @@ class Rows:
     unknowns: list[Form] = field(default_factory=list)
 
     def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Form:
+        """The next columns as a form (size,), one without a size; rows need no name."""
         count = 1 if size is None else size
         every, first = np.arange(count), self.width
         form = Form.of(self.theta, every, first + every, np.ones(count), np.zeros(count))
@@ -357,14 +367,16 @@ class Rows:
             self.linear.append(form)
         return form
 
-    def nonneg(self, form: Any) -> None:
-        if isinstance(form, Form):
-            self.linear.append(form)
+    def nonneg(self, form: Form) -> None:
+        """form >= 0, row by row."""
+        self.linear.append(form)
 
-    def zero(self, form: Any) -> None:
+    def zero(self, form: Form) -> None:
+        """form = 0, row by row."""
         self.equations.append(form)
 
     def cone(self, bound: Form, rows: Sequence[Form]) -> None:
+        """As many second-order cones as the bound has rows, each of one row of every form."""
         self.cones.append([bound, *rows])
 
     def entries(self) -> tuple[_Entries, FloatArray]:
