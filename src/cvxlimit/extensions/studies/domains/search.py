@@ -39,7 +39,7 @@ from cvxlimit.extensions.studies.domains.polytopes import FLAT, Inner
 from cvxlimit.extensions.studies.domains.supports import Structure, Support
 from cvxlimit.extensions.studies.identity import check_version, digest, row_identity
 from cvxlimit.io.scenes import LOAD, scene_digest
-from cvxlimit.methods.solving import MethodName, chosen, solve
+from cvxlimit.methods.solving import TABLE, MethodName, chosen, solve
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import MomentsName
@@ -82,9 +82,9 @@ class Study:
     def structure(self) -> Structure:
         """The compiled problem, which every process makes once."""
         surface, ladder, model = (self.options[n] for n in ("surface", "ladder", "model"))
-        method = chosen(surface, self.method, {"moments": self.options.get("moments")})
         made = Structure(self.scene, self.loads, surface, ladder, model, self.tolerance)
-        flow = method.flow(made.run.contacts)
+        reading = {name: value for name, value in self.options.items() if name == "moments"}
+        flow = TABLE[self.method](**reading).flow(made.run.contacts)
         if flow is not None:
             made.certifier = Certifier(made.run.assemblage, (Rocking(),), flow=flow)
         return made
@@ -368,6 +368,7 @@ def load_domain(
     if method == "exact":
         options["tolerance"] = max(1e-3, 0.1 * tolerance)
     study = Study(scene, tuple(named.values()), method, tolerance, directions, options)
+    chosen(surface, method, {"moments": moments})  # refuses what does not go together
     structure, is_convex = study.structure, method in ("convex", "exact")
     domain = LoadDomain(
         scene.name, structure.run.surface, method, named, structure.units, (),
