@@ -438,7 +438,7 @@ def test_malformed_scene(run: Run, tmp_path: Path, name: str) -> None:
         (("solve", "arch", "--plot", "m.txt"), "must end in .png, .html, .vtu"),
         (("solve", "arch", "--plot", "forces:m.vtu"), "forces:m.vtu: the name must end in .png"),
         (("solve", "arch", "--friction", "0.5"), "cvxlimit sweep --vary friction=0.5"),
-        (("compare", "arch", "--models", "cnic"), "did you mean conic?"),
+        (("compare", "arch", "--models", "cnic"), "did you mean 'conic'?"),
         (("solve", "arch", "--plot", "forcs:m.png"), "no picture 'forcs'; did you mean 'forces'?"),
         (("solve", "arch", "--plot", "a.png", "--plot", "forces:a.png"), "this is the file of"),
         (("solve", "arch", "-v", "-q"), "--verbose and --quiet exclude each other"),

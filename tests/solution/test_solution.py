@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from cvxlimit import Block, Contacts, Load, Scene, Solution, solve
 from cvxlimit.errors import InputError
@@ -55,7 +56,7 @@ def test_a_block_at_the_limit_of_its_own_surface_uses_all_of_it(own: type[YieldS
     table = solution.to_dataframe()
     assert table["utilisation"].iloc[0] == pytest.approx(1.0, abs=1e-5)
     figure = solution.plot("utilisation", surface=own.name)
-    assert any(t.get_text().endswith(f"; {own.name}") for t in figure.texts)
+    assert any(t.get_text().endswith(f"; {own.name}") for t in figure.findobj(Text))
 
 
 @pytest.mark.exhaustive
