@@ -13,7 +13,7 @@ PROVES = "a bracket proves what its configuration carries, not that the structur
 
 
 def headline(path: Path) -> str:
-    """Returns :attr:`.Path.headline`."""
+    """Returns ``path.headline``."""
     unit, joints = path.scene.units.length, list(path.sliding_joints)
     which = ", ".join(joints[:3]) + (f" and {len(joints) - 3} more" if joints[3:] else "")
     which = f"joint{'s' * (len(joints) != 1)} {which}".rstrip()
@@ -42,7 +42,7 @@ def headline(path: Path) -> str:
 
 
 def followed(path: Path) -> str:
-    """Returns :attr:`.Path.followed`."""
+    """Returns ``path.followed``."""
     found = [each for each in path if each.is_followed]
     if not found:
         return ""
@@ -57,7 +57,7 @@ def followed(path: Path) -> str:
 
 
 def interval(path: Path) -> str:
-    """Returns :meth:`.Path.interval`."""
+    """Returns ``path.interval()``."""
     low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
     if np.isnan(path.d0_interval[0]) or not (path.followed or low != high):
         return ""
@@ -65,7 +65,7 @@ def interval(path: Path) -> str:
 
 
 def facts(path: Path) -> Iterator[tuple[str, str]]:
-    """Yields :meth:`.Path.facts`."""
+    """Yields ``path.facts()``."""
     which = "the path of this model: joints rock and do not slide"
     if path.slides:
         is_limit = path.flow == "associated"
