@@ -437,6 +437,7 @@ def test_progress_shows_the_gap() -> None:
         ([Load(), Load()], {}, "live load is zero everywhere"),
         (None, {"method": "fixed-point"}, "method must be one of convex, exact"),
         (None, {"surface": "heptagram"}, "heptagram"),
+        (None, {"moments": "signed"}, "moments does nothing for method 'convex', got 'signed'"),
         (None, {"model": "half"}, "model must be one of auto, full, least, got 'half'"),
     ],
 )

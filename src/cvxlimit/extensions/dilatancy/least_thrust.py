@@ -67,7 +67,8 @@ class LowerBound:
     load_factor : float
         The bound; 0 where nothing is proved.
     thrusts : (n,)
-        Compressions that every admissible state from there on exceeds, as far as they were used.
+        Least compressions, as far as they are proved, of admissible states at ``load_factor``: of
+        those only, not of states from there on. Zero where the bound is infinite.
     forces : (n, 6) or None
         Forces that carry ``load_factor`` or more with the friction of such compressions.
     rounds, solves : int
@@ -137,9 +138,9 @@ class LeastThrust:
     weight: cp.Parameter
     factor: cp.Parameter
 
-    def __call__(self, into: Stated) -> Any:
-        into.into.zero(into.factor - self.factor)
-        pressure = into.forces["N"]
+    def __call__(self, stated: Stated) -> Any:
+        stated.into.zero(stated.factor - self.factor)
+        pressure = stated.forces["N"]
         return -np.ones(pressure.size) @ times(self.weight, pressure)
 
 

@@ -33,6 +33,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, not_negative, ratio
 from cvxlimit.base.search import processes
 from cvxlimit.errors import ModelError
+from cvxlimit.extensions.interaction.branching.progress import MORE_TIME, Progress, percent
 from cvxlimit.extensions.interaction.branching.search import BranchAndBound
 from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.halves import SymmetricHalf
@@ -154,57 +155,36 @@ class Certified(Method):
         return basis(run.best.bracket, run.moments.caution)
 
 
-def _percent(width: float) -> str:
-    return f"{100.0 * width:.3g} %" if np.isfinite(width) else "no bracket"
-
-
 _OPEN = (
     "neither forces that carry the dead load alone nor a proof that there are none were found: "
     "whether it stands is open"
 )
 
-_EXHAUSTED = "it ended because no range of pressure centres is left that could be cut"
-
-_MORE = "a larger budget, in seconds, or a tolerance may narrow it"
-
-
-def _spent(search: BranchAndBound, seconds: float) -> str:
-    nodes = f"{search.nodes} node{'s' * (search.nodes != 1)}"
-    return f"branch and bound, {nodes} with {search.solves} problems in {seconds:.1f} s"
-
-
-def _ending(widths: Sequence[tuple[float, float]], seconds: float) -> str:
-    """What stopped branch and bound before it had closed, and what more time would buy."""
-    spent, width = widths[-1]
-    if spent <= seconds:
-        return "it ended because the bracket hardly narrowed any more"
-    before = [earlier for at, earlier in widths if at <= max(spent / 3.0, widths[0][0])][-1]
-    share = 1.0 - width / before if np.isfinite(before) else 0.0
-    gained = f"the last two thirds of it narrowed the bracket by {_percent(share)} of its width"
-    return f"its time was up: {gained}, and {_MORE}"
-
 
 class _Proof:
     """A certified run under way: its solves one by one, and how it ended."""
 
-    def __init__(self, rule: Certified, run: Run) -> None:
-        self.rule, self.run = rule, run
+    def __init__(self, settings: Certified, run: Run) -> None:
+        self.settings, self.run = settings, run
         self.ladder = run.ladder or (*ladder_for("leading"), *default_ladder()[:2])
-        self._seen: Answer | None = None  # proved as it can be
+        with run.clock.phase("compile"):
+            self.found = Reductions.of(run.assemblage, run.surfaces, model=run.model)
         self.is_standing_open = False
+        self._first_relaxation = 0  # row of the history
         self._at_rest: FloatArray | None = None  # forces that carry the dead load alone
+        self._seen: Answer | None = None  # proved as it can be
 
     def steps(self) -> Steps:
         run = self.run
         with run.clock.phase("compile"):
-            self.found = Reductions.of(run.assemblage, run.surfaces, model=run.model)
             half = SymmetricHalf.of(self.found, run.moments)
         outer = UpperBound(run, half)
         if self._is_planar(outer):
             return Status.CERTIFIED
         run.reductions = () if half is None else ("symmetry",)
         # Where a wide bracket is asked for, half of it is left to the safe steps.
-        tolerance = max(BRACKET.outer, 0.5 * (self.rule.tolerance or 0.0))
+        tolerance = max(BRACKET.outer, 0.5 * (self.settings.tolerance or 0.0))
+        self._first_relaxation = len(run.history)  # after planar problems
         yield from self._bound_from_above(outer, tolerance)
         if self._cannot_stand():
             return Status.DEAD_LOAD_UNSTABLE
@@ -223,7 +203,7 @@ class _Proof:
         lower = run.best.bracket.lower
         if lower > 0.0 and run.is_boundless(lower) and self._is_unbounded():
             return judged(run, is_plain=False)
-        good = run.best.bracket.is_within(self.rule.tolerance or BRACKET.good)
+        good = run.best.bracket.is_within(self.settings.tolerance or BRACKET.good)
         return Status.CERTIFIED if good else Status.NOT_CERTIFIED
 
     def _is_planar(self, outer: UpperBound) -> bool:
@@ -242,7 +222,7 @@ class _Proof:
             bounds = LowerBounds(run.assemblage, run.moments)
             run.best = bounds.of(state.forces, state.load_factor).raising(run.best)
         run.note(state, settings, **run.bounds)
-        if not run.best.bracket.is_within(self.rule.tolerance or BRACKET.outer):
+        if not run.best.bracket.is_within(self.settings.tolerance or BRACKET.outer):
             return False
         run.reductions = found.best().names
         run.remarks = ["planar, without torsion"]
@@ -259,7 +239,7 @@ class _Proof:
                 continue
             least = (1.0 - BRACKET.near) * upper
             if state is not None and 0.0 < least <= (state.load_factor or 0.0):
-                for iterate in self.method.iterates(state.forces):
+                for iterate in self.climbs.iterates(state.forces):
                     yield None
                     if iterate.is_safe:
                         break
@@ -271,43 +251,53 @@ class _Proof:
     def _wanted(self) -> float:
         """Relative width of the bracket that is wanted, its proof included."""
         is_small = len(self.run.contacts) <= BRACKET.few
-        return self.rule.tolerance or (BRACKET.outer if is_small else BRACKET.wanted)
+        return self.settings.tolerance or (BRACKET.outer if is_small else BRACKET.wanted)
 
     @property
     def _asked(self) -> float:
         """Relative width at which branch and bound ends, unless a proof turns out to cost more."""
-        return self.rule.tolerance or min(self._wanted, BRACKET.aim)
+        return self.settings.tolerance or min(self._wanted, BRACKET.aim)
 
     @property
     def _end(self) -> float:
         """Seconds of the run at which its budget is spent."""
-        rule, run = self.rule, self.run
-        if rule.budget is not None:
-            return rule.budget
-        if rule.tolerance is not None or len(run.contacts) <= BRACKET.few:
+        settings, run = self.settings, self.run
+        if settings.budget is not None:
+            return settings.budget
+        if settings.tolerance is not None or len(run.contacts) <= BRACKET.few:
             return np.inf
-        return max(BRACKET.budget, BRACKET.relaxations * run.history[0].seconds)
+        return max(BRACKET.budget, BRACKET.relaxations * self._problem_seconds)
+
+    @property
+    def _problem_seconds(self) -> float:
+        """Seconds of the first relaxation, by which those of further problems are guessed."""
+        return self.run.history[self._first_relaxation].seconds
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
+        """Climbs from each start in turn, then under stricter readings of the moments."""
         run, state = self.run, outer.state
-        for number, name in enumerate(self.rule.starts or self.method.starts):
+        for number, name in enumerate(self.settings.starts or self.climbs.starts):
             if number > 0 and self._is_within(BRACKET.narrow):
                 break
             relaxed = state.forces if state else None
-            yield from self._until_met(self.method.begun(name, relaxed))
+            yield from self._until_met(self.climbs.begun(name, relaxed))
         yield from self._borrow()
         run.remarks = run.remarks or ["no further progress from these starts"]
 
     @cached_property
-    def method(self) -> InnerMethod:
-        return InnerMethod(self.run, self.rule.solves, reductions=self.found)
+    def climbs(self) -> InnerMethod:
+        """The searches for a lower bound, whose problems are compiled when first asked for."""
+        return InnerMethod(self.run, self.settings.solves, reductions=self.found)
 
     def _borrow(self) -> Iterator[None]:
+        """Climbs under stricter readings, whose forces are admissible here as well, while the
+        bracket is wide."""
         for stricter in self.run.moments.stricter:
             if not self._is_within(BRACKET.outer):
-                yield from self._until_met(self.method.from_stricter_reading(stricter))
+                yield from self._until_met(self.climbs.from_stricter_reading(stricter))
 
     def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
+        """Goes through iterates, each of which books its bounds, until the tolerance is met."""
         if self._is_met():
             return
         for _ in iterates:
@@ -317,47 +307,37 @@ class _Proof:
             yield None
 
     def _is_met(self) -> bool:
-        return self.run.best.bracket.width <= (self.rule.tolerance or 0.0)
+        return self.run.best.bracket.width <= (self.settings.tolerance or 0.0)
 
     def _is_within(self, width: float) -> bool:
-        return self.rule.tolerance is None and self.run.best.bracket.width <= width
+        return self.settings.tolerance is None and self.run.best.bracket.width <= width
 
     def _branch(self, outer: UpperBound) -> Iterator[None]:
-        run, before = self.run, self.run.best.bracket.width
-        is_small, asked = len(run.contacts) <= BRACKET.few, self._asked
-        if self.rule.branching_seconds == 0.0:
+        """Branch and bound, one step after another, unless the bracket is narrow or time is short.
+
+        Where it has closed to the width asked for, the lower bound is proved; if the proof widens
+        the bracket beyond what is wanted, the search goes on to a smaller width.
+        """
+        run, settings = self.run, self.settings
+        width, asked = run.best.bracket.width, self._asked
+        if settings.branching_seconds == 0.0:
             return
-        if before <= asked and before <= (asked := self._left_by_proof()):
+        if width <= asked and width <= (asked := self._width_after_proof()):
             return
-        start, seconds = run.clock.elapsed, self._branching_seconds(is_small)
-        if seconds < BRACKET.least_problems * run.history[0].seconds:
-            run.remarks = [f"{_percent(before)} wide after {start:.1f} s; {_MORE}"]
+        seconds = self._branching_seconds()
+        if seconds < BRACKET.least_problems * self._problem_seconds:
+            run.remarks = [f"{percent(width)} wide after {run.clock.elapsed:.1f} s; {MORE_TIME}"]
             return
-        own = self.rule.executor
-        with nullcontext(own) if own else processes(self.rule.workers) as executor:
-            search = BranchAndBound(run, asked, executor, self.rule.workers, outer, seconds)
-            seen, gained = np.inf, 0.0  # the gap that was last a hundredth less, and when
-            widths: list[tuple[float, float]] = []
+        progress = Progress(run, seconds, ends_idle=settings.branching_seconds is None)
+        own = settings.executor
+        with nullcontext(own) if own else processes(settings.workers) as executor:
+            search = BranchAndBound(run, asked, executor, settings.workers, outer, seconds)
             while True:
-                spent, width = run.clock.elapsed - start, run.best.bracket.width
-                widths.append((spent, width))
-                done = f"{_spent(search, spent)}: from {_percent(before)} to {_percent(width)}"
-                run.remarks = [done]
-                gap = search.upper - search.lower
-                if gap < 0.99 * seen or not np.isfinite(seen):
-                    seen, gained = gap, spent
-                is_idle = spent - gained > max(BRACKET.budget, spent / 3.0)
-                is_idle &= self.rule.branching_seconds is None
-                is_over = spent > seconds or (is_idle and search.nodes >= BRACKET.least_nodes)
-                is_exhausted = not search.can_go_on and gap > search.width
-                if not (search.can_go_on or is_over):
-                    search.tolerance = self._left_by_proof()
-                if not search.can_go_on or run.best.bracket.is_below_zero:
-                    if is_exhausted:
-                        run.remarks = [f"{done}; {_EXHAUSTED}"]
-                    return
-                if is_over:
-                    run.remarks = [f"{done}; {_ending(widths, seconds)}"]
+                progress.look(search)
+                run.remarks = [progress.said]
+                if not (search.can_go_on or progress.is_over):
+                    search.tolerance = self._width_after_proof()
+                if not search.can_go_on or progress.is_over or run.best.bracket.is_below_zero:
                     return
                 yield None
                 search.step()
@@ -368,22 +348,28 @@ class _Proof:
             prove(self.run, self._end, self._asked)
             self._seen = self.run.best
 
-    def _left_by_proof(self) -> float:
-        """The relative width that what a proof costs leaves of the one wanted; infinite where the
-        bracket, proved as it can be, is no wider."""
+    def _width_after_proof(self) -> float:
+        """Proves the lower bound, and returns the relative width at which a search may end next.
+
+        Where the proved bracket is as narrow as wanted it is kept, and the width is infinite.
+        Otherwise the bracket before the proof comes back, which is of more use to a search, and the
+        width is less than that bracket's, by more than the proof has cost.
+        """
         run, before = self.run, self.run.best
         self._prove()
         cost = run.best.bracket.width - before.bracket.width
         if run.best.bracket.width <= self._wanted:
             return np.inf
-        run.best = before  # of more use to a search
+        run.best = before
         return before.bracket.width - BRACKET.dearer * cost
 
-    def _branching_seconds(self, is_small: bool) -> float:
-        rule, run = self.rule, self.run
-        if rule.branching_seconds is not None:
-            return rule.branching_seconds
-        if rule.budget is None and (rule.tolerance is not None or is_small):
+    def _branching_seconds(self) -> float:
+        """Seconds that branch and bound may take from now on."""
+        settings, run = self.settings, self.run
+        if settings.branching_seconds is not None:
+            return settings.branching_seconds
+        is_small = len(run.contacts) <= BRACKET.few
+        if settings.budget is None and (settings.tolerance is not None or is_small):
             return BRACKET.branching
         return self._end - run.clock.elapsed
 
@@ -393,7 +379,7 @@ class _Proof:
         run, dead = self.run, self.run.assemblage.statics.dead
         if not np.any(dead):
             return False
-        self._at_rest = next(iter(self.method.checker.reserves), None)
+        self._at_rest = next(iter(self.climbs.checker.reserves), None)
         if self._at_rest is not None:
             return False
         alone = run.auxiliary_run(run.assemblage.alone(dead))

@@ -6,8 +6,8 @@ result, and ``moving.py``, its scenes; ``pairs.py``, ``points.py``, ``bars.py`` 
 contacts of displaced blocks, ties, reactions and cohesion; ``starting.py``, where a path begins,
 and ``refusing.py``; ``increment.py``, one convex step; ``resting.py``, iterates of it;
 ``following.py``, steps and snaps; ``proximal.py``, explicit steps where nothing comes to rest;
-``pushover.py``, the call; ``proof.py`` and ``proving.py``; ``code_check.py``; ``files.py``,
-``tables.py``, ``pictures.py`` and ``command.py``.
+``pushover.py``, the call; ``proof.py`` and ``proving.py``; ``code_check.py``; ``wording.py``, a
+path in words; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
 """
 
 from cvxlimit.base.doors import Offered
@@ -21,6 +21,10 @@ OFFERED: Offered = {
     },
     "cvxlimit.proofs": {"cvxlimit-path": "cvxlimit.extensions.paths.proving:prove_path"},
     "cvxlimit.readings": {
+        "path_facts": "cvxlimit.extensions.paths.wording:facts",
+        "path_followed": "cvxlimit.extensions.paths.wording:followed",
+        "path_headline": "cvxlimit.extensions.paths.wording:headline",
+        "path_interval": "cvxlimit.extensions.paths.wording:interval",
         "path_table": "cvxlimit.extensions.paths.tables:path_table",
         "path_save": "cvxlimit.extensions.paths.files:write_path",
         "path_plot": "cvxlimit.extensions.paths.pictures:draw_path",

@@ -27,9 +27,9 @@ from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.code_check import code_check
 from cvxlimit.extensions.paths.files import PATH
-from cvxlimit.extensions.paths.path import PROVES
 from cvxlimit.extensions.paths.path import Path as Displacements
 from cvxlimit.extensions.paths.pushover import pushover
+from cvxlimit.extensions.paths.wording import PROVES
 from cvxlimit.io import scene_from_dict
 from cvxlimit.io.fields import file_prefix, one_line, read_document, refusals
 from cvxlimit.masonry import BUILTIN

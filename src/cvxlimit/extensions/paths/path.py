@@ -1,4 +1,8 @@
-"""What :func:`cvxlimit.pushover` returns: a path, and the configurations on it."""
+"""What :func:`cvxlimit.pushover` returns: a path, and the configurations on it.
+
+Here are its data and what follows from them: how far joints slide and turn, whether it slides away,
+and where it ends. The sentences about it are in ``wording.py``.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +23,6 @@ from cvxlimit.solution import Solution
 from cvxlimit.solution.kinematics import VISIBLE
 
 Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted", "slides"]
-
-PROVES = "a bracket proves what its configuration carries, not that the structure gets there"
-"""What every table and picture of a path says."""
 
 ZERO = 1e-8
 """Load factors below this share of the first are zero: a path ends as near to it as that."""
@@ -74,7 +75,8 @@ class Path:
         ``"interrupted"``.
     reason : str
         The same in a sentence, with the names of blocks.
-    flow : str
+    flow : {"associated", "zero-dilatancy"}
+        Flow rule by which joints slid in its steps.
     step : float
         Longest step of w.
     snaps : tuple of float
@@ -83,7 +85,10 @@ class Path:
     slides : bool
         True if joints slid on the way: the curve then depends on the step.
     control : (block id, (3,) direction) or None
+        Block whose centroid :attr:`displacement` follows, and along what; None is the mean of the
+        live load, w.
     notes : tuple of str
+        Sentences on what the path leaves out or assumes, as for joints that slid.
     halved : Path or None
         Of a path that slides, or whose blocks come back from where reactions gave way, with steps
         that the package chose: the same with each step in two.
@@ -227,17 +232,7 @@ class Path:
     @property
     def followed(self) -> str:
         """How many configurations are followed and what these lack, in words; empty of none."""
-        found = [each for each in self if each.is_followed]
-        if not found:
-            return ""
-        bare = sum(each.bracket is None for each in found)
-        return (
-            f"{len(found)} of {len(self)} configurations are followed by explicit steps, since no "
-            f"iterates came to rest: equilibrium lacks up to {max(x.residual for x in found):.0e} "
-            "of the dead load, and d0 and load factors are an interval over step and flow"
-            + f"; no bracket is proved for {bare} of them"
-            * bool(bare)
-        )
+        return attached("path_followed")(self)
 
     @property
     def ending(self) -> str:
@@ -254,35 +249,17 @@ class Path:
     @property
     def headline(self) -> str:
         """What the path says in one sentence, and what it does not."""
-        unit, joints = self.scene.units.length, list(self.sliding_joints)
-        which = ", ".join(joints[:3]) + (f" and {len(joints) - 3} more" if joints[3:] else "")
-        which = f"joint{'s' * (len(joints) != 1)} {which}".rstrip()
-        if self.slides_away:
-            slide = "slides" if len(joints) == 1 else "slide"
-            return (
-                f"a load factor of {self.load_factor[0]:.5g} moves it, and there is no d0: {which} "
-                f"{slide}, the load factor stays level, and such a path ends where a support was "
-                "drawn to end, which is no capacity of displacement"
-            )
-        low, high = (f"{d0:.4g}" for d0 in self.d0_interval)
-        end = f"zero at d0 = {low}" + (f" to {high}" if low != high else "") + f" {unit}"
-        if low == "nan":
-            end = f"no d0: it ends at a load factor of {self.load_factor[-1]:.4g}"
-        if len(self) == 1:
-            return end
-        followed = f"; {self.followed}" * bool(self.followed)
-        if not self.slides:
-            return f"{end}: blocks rock, and no joint slides from step to step{followed}"
-        return (
-            f"{end}, and {100.0 * self.slip_share:.0f} % of the displacement in joints is slip "
-            f"({which}): it depends on {self.varies_by}, and is no bound{followed}"
-        )
+        return attached("path_headline")(self)
+
+    @property
+    def _zero(self) -> float:
+        """Load factor up to which it counts as zero."""
+        return (SLIDING if self.slides else ZERO) * abs(float(self.load_factor[0]))
 
     @property
     def _last(self) -> int:
         """Row where the load factor is first zero, or the last one."""
-        zero = (SLIDING if self.slides else ZERO) * abs(self.load_factor[0])
-        return int([*np.flatnonzero(self.load_factor <= zero), len(self) - 1][0])
+        return int([*np.flatnonzero(self.load_factor <= self._zero), len(self) - 1][0])
 
     @cached_property
     def d0(self) -> float:
@@ -291,12 +268,10 @@ class Path:
         not settle."""
         if self.slides_away:
             return float("nan")
-        zero = (SLIDING if self.slides else ZERO) * abs(self.load_factor[0])
-        found = np.flatnonzero(self.load_factor <= zero)
-        if not len(found):
+        at, jumps = self._last, [start for start, _ in self.pieces]
+        if not self.load_factor[at] <= self._zero:
             return float("nan")
-        at, jumps = int(found[0]), [start for start, _ in self.pieces]
-        if at in jumps or self.load_factor[at] >= -zero:
+        if at in jumps or self.load_factor[at] >= -self._zero:
             return float(self.displacement[at])
         two = slice(at, at - 2 if at > 1 else None, -1)
         return float(np.interp(0.0, self.load_factor[two], self.displacement[two]))
@@ -311,9 +286,7 @@ class Path:
     def interval(self) -> str:
         """Both ends of :attr:`d0_interval`, and what it is over; empty where nothing is followed
         and they are one, and without any."""
-        low, high = (f"{d0:.4g}" for d0 in self.d0_interval)
-        has_any = low != "nan" and (self.followed or low != high)
-        return f"{low} to {high} by {self.varies_by}" if has_any else ""
+        return attached("path_interval")(self)
 
     @property
     def pieces(self) -> tuple[tuple[int, int], ...]:
@@ -327,9 +300,7 @@ class Path:
         after = np.append(np.nan, self.w[:-1])
         return [", ".join(what for at, what in self.failures if at == w) for w in after]
 
-    def with_control(
-        self, control: tuple[str, tuple[float, float, float]] | None
-    ) -> Path:  # fmt: skip
+    def with_control(self, control: tuple[str, tuple[float, float, float]] | None) -> Path:
         """The path, and its further runs, with the displacement of another ``control``."""
         runs = [run and replace(run, control=control) for run in (self.halved, self.other_flow)]
         return replace(self, control=control, halved=runs[0], other_flow=runs[1])
@@ -377,25 +348,7 @@ class Path:
 
     def facts(self) -> Iterator[tuple[str, str]]:
         """What a report says of it, beside its curve."""
-        which = "the path of this model: joints rock and do not slide"
-        if self.slides:
-            is_limit = self.flow == "associated"
-            which = "an upper limit" if is_limit else "one of several possible paths"
-            which += ": joints slide on the way, so that the curve depends on the step"
-        if self.followed and not self.slides_away:
-            which = "an interval over step and flow: no iterates came to rest on the way"
-        yield "in words", which
-        first, last = (f"{self.load_factor[k]:.5g}" for k in (0, -1))
-        way = f"{self.displacement[-1]:.5g} {self.scene.units.length}"
-        of = "the live load (mean)" if self.control is None else f"block {self.control[0]}"
-        yield "load factor", f"{first} with friction at points, {last} where the path ends"
-        yield "displacement", f"of {of}: {way} where it ends, after {len(self) - 1} steps"
-        if self.reason != self.headline:
-            yield "ends", self.reason
-        if self.snaps:
-            yield "snaps", f"{len(self.snaps)}: the structure jumps there"
-        yield from (("note", note) for note in self.notes)
-        yield "rests on", PROVES
+        return attached("path_facts")(self)
 
     def to_dataframe(self) -> Any:
         """One row for each configuration, as a pandas DataFrame."""

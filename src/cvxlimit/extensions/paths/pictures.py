@@ -13,8 +13,11 @@ import os
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.extensions.paths.path import PROVES, Path
+from cvxlimit.extensions.paths.path import Path
+from cvxlimit.extensions.paths.wording import PROVES
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, camera_for
 from cvxlimit.plotting.look import DIGITS, WAY_TEXT, of_kind, printable, saved
 from cvxlimit.plotting.pictures.animation import Animation, forth_and_back, frames_of
@@ -164,7 +167,8 @@ def _title(path: Path) -> str:
     unit = printable(path.scene.units.length)
     low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
     end = f"zero at {low}" + (f" to {high}" if low != high else "")
-    end = f"{path.ending} at {path.displacement[-1]:.4g}" if low == "nan" else end
+    if np.isnan(path.d0_interval[0]):
+        end = f"{path.ending} at {path.displacement[-1]:.4g}"
     if path.slides_away:
         return f"{printable(path.scene.name)}: {start}, slides: no d0"
     return f"{printable(path.scene.name)}: {start}, {end} {unit}" + ", followed" * bool(

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cvxlimit.base.extras import needed
-from cvxlimit.extensions.paths.path import PROVES, Path
+from cvxlimit.extensions.paths.path import Path
+from cvxlimit.extensions.paths.wording import PROVES
 from cvxlimit.results.tables import Columns, table_from
 from cvxlimit.solution.bracket import Bracket
 

@@ -24,6 +24,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +42,18 @@ from cvxlimit.extensions.interaction.states.support import (
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.polygons import clipped, effective_regions, mean_distance_on_segment
 from cvxlimit.readings.pressure import areas_and_arms, around, half_extent, outlines_of
+
+_SHEAR = [COLUMN["V1"], COLUMN["V2"]]
+
+_PAIRS = np.array(list(combinations_with_replacement(range(3), 2)))
+"""Bernstein coefficients of a quadratic over a triangle, as pairs of corners."""
+
+_TRIPLES = np.array(list(combinations_with_replacement(range(3), 3)))
+"""Bernstein coefficients of a cubic over a triangle, as triples of corners."""
+
+_ALIKE = 1e-12
+"""Share of a polygon's size, or of a distance, by which two that should be the same may differ:
+about one step of the grid of :func:`grid_of`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,12 +203,6 @@ def _halved_triangles(corners: FloatArray, half: FloatArray) -> FloatArray:
     return np.concatenate(halves, axis=1)
 
 
-_SHEAR = [COLUMN["V1"], COLUMN["V2"]]
-
-_PAIRS = np.array(list(combinations_with_replacement(range(3), 2)))
-"""Bernstein coefficients of a quadratic over a triangle, as pairs of corners."""
-
-
 def _moment(w: FloatArray, at: FloatArray) -> FloatArray:
     """Returns b . e, the power (..., k) of pressure at places ``at`` (..., k, 2 or more)."""
     return np.asarray(w[:, COLUMN["M1"]] * at[..., 1] - w[:, COLUMN["M2"]] * at[..., 0])
@@ -206,10 +213,11 @@ def _regions(polygon: FloatArray, low: FloatArray, high: FloatArray) -> list[Flo
     and along both axes.
     """
     low, high = np.maximum(low, polygon.min(axis=0)), np.minimum(high, polygon.max(axis=0))
-    least = 1e-12 * float(np.ptp(polygon, axis=0).max())
+    least = _ALIKE * float(np.ptp(polygon, axis=0).max())
     if (high < low - least).any():
         return []
-    high = np.maximum(high, low + 1e3 * least)  # a range without width still has states
+    # A range without width still has states: cells get a billionth of the polygon's size.
+    high = np.maximum(high, low + 1e3 * least)
     extent = np.ptp(polygon, axis=0)
     steps = [_ticks(a, b, size) for a, b, size in zip(low, high, extent, strict=True)]
     boxes = np.array(list(product(*(pairwise(along) for along in steps))))
@@ -257,8 +265,18 @@ def _ticks(low: float, high: float, extent: float) -> FloatArray:
     return np.union1d(ticks, [0.0]) if low < 0.0 < high else ticks
 
 
-_TRIPLES = np.array(list(combinations_with_replacement(range(3), 3)))
-"""Bernstein coefficients of a cubic over a triangle, as triples of corners."""
+class _Sectors(NamedTuple):
+    """The k sectors of r regions S(e0), between the pressure centre e0 and each edge of its region.
+
+    ``slabs`` (r, k) are the polygon's edges that limit the sectors, ``widths`` (r, k) their
+    distances b_i(e0), ``moments`` (r, k) the sectors' moments M_i. ``is_template`` (r,) is true of
+    regions that are wide enough to be templates.
+    """
+
+    slabs: IntArray
+    widths: FloatArray
+    moments: FloatArray
+    is_template: BoolArray
 
 
 class ArmBounds:
@@ -334,7 +352,7 @@ class ArmBounds:
         p, q = first + second, second - first
         mean = (mean_distance_on_segment(p, q) + mean_distance_on_segment(q, -p)) / 3.0
         reach = np.abs(first @ self.normals.T) + np.abs(second @ self.normals.T)
-        idle = (reach <= widths[:, None] * (1.0 + 1e-12)).all(axis=2)
+        idle = (reach <= widths[:, None] * (1.0 + _ALIKE)).all(axis=2)
         far = widths.min(axis=1)[:, None] >= mean.max(axis=2)[:, :, None]
         own = np.zeros(idle.shape[1:], dtype=bool)
         np.put_along_axis(own, pairs, True, axis=1)
@@ -375,9 +393,8 @@ class ArmBounds:
         for e0 in which.T:
             slabs, template, moments, is_e0 = (part[e0] for part in sectors)
             ratio = np.take_along_axis(widths, slabs[:, None], axis=2) / template[:, None]
-            over = ((ratio[:, j] * ratio[:, k] * ratio[:, m]) @ moments[:, :, None])[
-                ..., 0
-            ] - stated
+            cubic = (ratio[:, j] * ratio[:, k] * ratio[:, m]) @ moments[:, :, None]
+            over = cubic[..., 0] - stated
             needed = np.divide(over, weight, out=np.full(over.shape, np.inf), where=weight > 0.0)
             raised = np.where(over > 0.0, needed, 0.0).max(axis=1)
             margin = np.minimum(margin, np.where(is_e0, raised, np.inf))
@@ -390,9 +407,7 @@ class ArmBounds:
         widths: FloatArray,
         areas: FloatArray,
     ) -> _Sectors:
-        """Returns the sectors between a pressure centre and each edge of its region, see
-        :data:`_Sectors`.
-        """
+        """Returns the sectors between pressure centres and the edges of their regions."""
         corners, _ = around(regions, centres)
         ahead = np.roll(corners, -1, axis=1)
         middle = 0.5 * (corners + ahead)
@@ -402,16 +417,10 @@ class ArmBounds:
         width = np.take_along_axis(widths, slab, axis=1)
         is_e0 = areas > ROUNDING * self.size**2
         is_used = is_e0[:, None] & (moments > 0.0)  # not a corner repeated
-        return slab, np.where(is_used, width, 1.0), moments, is_e0
+        return _Sectors(slab, np.where(is_used, width, 1.0), moments, is_e0)
 
 
 def _least_of(bounds: FloatArray) -> FloatArray:
     """Returns of bounds (p, b, 3) those (p, 3) with the least sum."""
     least = bounds.sum(axis=2).argmin(axis=1)
     return np.asarray(bounds[np.arange(len(bounds)), least])
-
-
-_Sectors = tuple[IntArray, FloatArray, FloatArray, BoolArray]
-"""Of the k sectors of r regions S(e0): the polygon's edge (r, k) that limits each, its width
-b_i(e0) (r, k), and its moment M_i (r, k); and which regions (r,) are wide enough to be
-templates."""

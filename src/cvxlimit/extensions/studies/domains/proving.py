@@ -18,9 +18,9 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.studies.domains.document import DOMAIN
-from cvxlimit.extensions.studies.domains.domain import WINDOW, LoadDomain
+from cvxlimit.extensions.studies.domains.domain import LoadDomain
 from cvxlimit.extensions.studies.domains.images import Raw
-from cvxlimit.extensions.studies.domains.search import METHODS, Search, Study, status_of
+from cvxlimit.extensions.studies.domains.search import METHODS, NEAR, Search, Study, status_of
 from cvxlimit.extensions.studies.domains.supports import Support
 from cvxlimit.io.scenes import scene_digest
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, proved, unseen, unseen_fields
@@ -103,9 +103,8 @@ class DomainAgain:
     def _supports(self) -> Iterator[Check]:
         structure, supports = self.structure, self.domain.supports
         raws = [structure.said(s) for s in supports]
-        if not structure.has_reference:
-            known = [raw for raw in raws if raw is not None and not raw.is_ray]
-            structure.refer_to([r for r in known if np.abs(r.factors).max() < 0.5 * WINDOW])
+        known = [raw for raw in raws if raw is not None and not raw.is_ray]
+        structure.refer_to([raw for raw in known if np.abs(raw.factors).max() < NEAR])
         for i, (s, raw) in enumerate(zip(supports, raws, strict=True)):
             again = self._without_forces(s) if raw is None else structure.proved(raw)
             if again.point is None and structure.certifier.witnesses.dead_state is not None:

@@ -5,10 +5,10 @@ direction d finds the largest d @ p: its forces show a point of the set, its mec
 that holds it (``supports.py``). The hull of all points lies inside, what all half-spaces leave lies
 outside; the gap is largest at a corner of the latter. So a search has four stages:
 
-1. *first*: each load in both senses;
-2. *refer*: where the dead load alone does not stand, everything is proved anew about a state with
-   some live load, and what needs no solver is added;
-3. *next*: the direction that splits the largest gap, until it is within the tolerance;
+1. *first directions*: each load in both senses;
+2. *reference*: where the dead load alone does not stand, everything is proved anew about a state
+   with some live load, and what needs no solver is added;
+3. *next directions*: the one that splits the largest gap, until it is within the tolerance;
 4. after each answer its mirror images are checked, and the file is written.
 
 Load factors are in natural units in here: the dead load over each live load.
@@ -21,7 +21,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ from cvxlimit.extensions.studies.domains.polytopes import FLAT, Inner
 from cvxlimit.extensions.studies.domains.supports import Structure, Support
 from cvxlimit.extensions.studies.identity import check_version, digest, row_identity
 from cvxlimit.io.scenes import LOAD, scene_digest
-from cvxlimit.methods.solving import TABLE, MethodName, solve
+from cvxlimit.methods.solving import TABLE, MethodName, chosen, solve
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import MomentsName
@@ -55,6 +55,10 @@ PUSHES = {"a_x": Load(acceleration=(1, 0, 0)), "a_y": Load(acceleration=(0, 1, 0
 
 METHODS = ("convex", "exact", "certified", "zero-dilatancy")
 """Methods whose load domain is sought; of the first two it is convex."""
+
+NEAR = 0.5 * WINDOW
+"""Load factors up to which answers make a reference: farther out the window may have stopped them,
+and a state with so much live load says little about the dead load."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +124,8 @@ class Search:
         solves."""
         status = None
         try:
-            first = (way for way in self.first() if not self._was_asked(way))
-            self._ask(partial(next, first, None), None)
+            first = (way for way in self.first_directions() if not self._was_asked(way))
+            self._ask(lambda: next(first, None), None)
             self.refer()
             self._ask(lambda: self._most_useful(most), executor)
         except KeyboardInterrupt:
@@ -133,7 +137,7 @@ class Search:
         return self.domain
 
     def _most_useful(self, most: int) -> FloatArray | None:
-        return next(self.next(), None) if self.domain.solves < most else None
+        return next(self.next_directions(), None) if self.domain.solves < most else None
 
     def _ask(self, following: Callable[[], FloatArray | None], executor: Any) -> None:
         """Asks in the directions that follow, and takes the answers as they come."""
@@ -146,7 +150,7 @@ class Search:
             rays /= np.abs(rays).max(axis=1, initial=1e-300, keepdims=True)
             return direction, float((rays @ direction).max(initial=-np.inf))
 
-        at_once = getattr(executor, "_max_workers", 4)
+        at_once = _workers(executor)
         for (direction, _), answered in searched(self.study, question, executor, at_once):
             self.take(direction, *answered)
             self._keep(Status.NOT_CERTIFIED)
@@ -197,7 +201,7 @@ class Search:
 
     def refer(self) -> None:
         """Proves everything anew if there is a better reference than the dead load alone."""
-        near = [r for r in self.raw if not r.is_ray and np.abs(r.factors).max() < 0.5 * WINDOW]
+        near = [r for r in self.raw if not r.is_ray and np.abs(r.factors).max() < NEAR]
         supports = self.domain.supports
         if self.structure.refer_to(near) and len(self.raw) == len(supports):
             supports = tuple(self.structure.proved(raw) for raw in self.raw)
@@ -217,7 +221,7 @@ class Search:
         if is_thin and structure.certifier.witnesses.dead_state is not None:
             yield Support(none, structure.centre * units, None, none, np.inf, True)
 
-    def first(self) -> list[FloatArray]:
+    def first_directions(self) -> list[FloatArray]:
         """Returns the first directions: each load in both senses, or an even distribution where
         nothing is proved between points."""
         size = len(self.domain.units)
@@ -226,7 +230,7 @@ class Search:
         acting = [self.structure.acting(d) for d in every]
         return [d / np.linalg.norm(d) for d in acting if np.linalg.norm(d) > 0.5]
 
-    def next(self) -> Iterator[FloatArray]:
+    def next_directions(self) -> Iterator[FloatArray]:
         """Yields directions to ask in, most useful first; none once the gap is within the
         tolerance."""
         domain, inner = self.domain, self.domain.inner
@@ -261,7 +265,8 @@ class Search:
             return
         domain, step = self.domain, corner - self.domain.centre
         angle = math.asin(math.sqrt(min(gap, 1.0))) / math.asin(math.sqrt(domain.tolerance))
-        pieces = math.ceil(angle - 0.02)  # a little over is not worth a solve
+        # up to 2 % over is not worth a piece more: boundaries are ellipses only nearly
+        pieces = math.ceil(angle - 0.02)
         if pieces % 2 and len(step) == 2 and not inner.is_flat:
             reach = domain.outer.offsets - domain.outer.normals @ domain.centre
             polar = domain.outer.normals / np.maximum(reach, 1e-300)[:, None]
@@ -363,6 +368,7 @@ def load_domain(
     if method == "exact":
         options["tolerance"] = max(1e-3, 0.1 * tolerance)
     study = Study(scene, tuple(named.values()), method, tolerance, directions, options)
+    chosen(surface, method, {"moments": moments})  # refuses what does not go together
     structure, is_convex = study.structure, method in ("convex", "exact")
     domain = LoadDomain(
         scene.name, structure.run.surface, method, named, structure.units, (),
@@ -421,6 +427,13 @@ def named_loads(loads: Mapping[str, Load] | Sequence[Load] | None) -> dict[str, 
         if not isinstance(load, Load):
             raise InputError(f"{name} must be a Load, got {load!r:.60}: write Load(...)")
     return dict(given)
+
+
+def _workers(executor: Any) -> int:
+    """Returns how many directions are asked at once: one for each process of a pool, whose number
+    :mod:`concurrent.futures` has no public name for, and four of any other executor. More would
+    only be chosen with fewer answers known."""
+    return int(getattr(executor, "_max_workers", 4))
 
 
 def _around(size: int, number: int) -> FloatArray:

@@ -21,19 +21,18 @@ from itertools import islice
 from typing import Any
 from weakref import WeakKeyDictionary
 
-import cvxpy as cp
 import numpy as np
 
-from cvxlimit.base.arrays import EPSILON, SMALL, FloatArray
+from cvxlimit.base.arrays import EPSILON, ROUNDING, SMALL, FloatArray
 from cvxlimit.extensions.studies.domains.images import LoadMirror, Raw, load_mirrors
 from cvxlimit.extensions.studies.domains.polytopes import FLAT
+from cvxlimit.extensions.studies.domains.reach import Reach
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import BOUNDLESS, Run, packed
 from cvxlimit.model.assemblage import Reduction
-from cvxlimit.model.formulations import times
 from cvxlimit.model.program import LimitProgram
-from cvxlimit.model.statement import LargestFactor, Stated, largest_self_stress
+from cvxlimit.model.statement import LargestFactor, largest_self_stress
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
@@ -81,8 +80,8 @@ class Support:
     solution : Solution or None
         With the forces and the mechanism.
     rates : (free blocks, 6) or None
-        The mechanism behind the half-space where ``solution`` has none, as of loads that any
-        multiple is carried of.
+        The mechanism behind the half-space, where ``solution`` has none: beside a ray, or where its
+        live load does no power on it.
     """
 
     direction: FloatArray
@@ -96,37 +95,6 @@ class Support:
     loaded: FloatArray | None = None
     solution: Solution | None = field(default=None, repr=False)
     rates: FloatArray | None = field(default=None, repr=False)
-
-
-class _Reach:
-    """Objective: the largest sum of weighted load factors within a window.
-
-    ``dead`` is the share of the dead load that acts; None lets the problem take any, and asks for
-    the largest.
-    """
-
-    def __init__(self, loads: FloatArray, dead: float | None) -> None:
-        self.loads, self.dead = loads, dead
-        self.weights = cp.Parameter(loads.shape[1], value=np.zeros(loads.shape[1]))
-        self.window = cp.Parameter(nonneg=True, value=1.0)
-
-    def __call__(self, stated: Stated) -> Any:
-        into, scaling = stated.into, stated.assemblage.scaling
-        units = scaling.force * np.tile([1.0] * 3 + [scaling.length] * 3, len(self.loads) // DOF)
-        factors = stated.own["factors"] = into.new(self.loads.shape[1], "load factors")
-        live, dead = (self.loads / units[:, None]) @ factors, stated.dead
-        stated.live = np.zeros(len(units))
-        for sign in (-1.0, 1.0):
-            into.nonneg(sign * factors + self.window)
-        if self.dead is None:
-            share = into.new(name="share", nonneg=True)
-            into.nonneg(1.0 - share)
-            into.zero(stated.factor - share)
-            stated.dead = live + times(dead, share)
-            return share
-        into.zero(stated.factor)
-        stated.dead = live + self.dead * dead
-        return np.ones(factors.size) @ times(self.weights, factors)
 
 
 class Structure:
@@ -170,9 +138,10 @@ class Structure:
         self.certifier = Certifier(self.assemblage, self.surfaces, self.run.formulation)
         self.centre = np.zeros(len(loads))
         sizes, ways = np.linalg.svd(self.forces, full_matrices=False)[1:]
-        self.idle = ways[sizes <= 1e-12 * sizes.max()]
+        self.idle = ways[sizes <= 1e-12 * sizes.max()]  # sums of loads of which rounding is left
+        self._has_reference: bool | None = None  # not known yet
         self._field_was_sought = False
-        self._problems: dict[float | None, tuple[_Reach, LimitProgram]] = {}
+        self._problems: dict[float | None, tuple[Reach, LimitProgram]] = {}
         self._proved: WeakKeyDictionary[Raw, Support] = WeakKeyDictionary()
 
     def acting(self, direction: FloatArray) -> FloatArray:
@@ -227,7 +196,7 @@ class Structure:
         return [*rays, *found]
 
     def _is_tight(self, raw: Raw) -> bool:
-        if not self.has_reference and not self.centre.any():
+        if not self.seek_reference() and not self.centre.any():
             return raw.iterate.status == "optimal"
         made = self.proved(raw)
         if made.point is None:
@@ -238,9 +207,9 @@ class Structure:
     def _size(self, normal: FloatArray) -> float:
         return float(np.linalg.norm(normal * self.units))
 
-    def _problem(self, dead: float | None) -> tuple[_Reach, LimitProgram]:
+    def _problem(self, dead: float | None) -> tuple[Reach, LimitProgram]:
         if dead not in self._problems:
-            reach = _Reach(self.forces, dead)
+            reach = Reach(self.forces, dead)
             surfaces, formulation = self.surfaces, self.run.formulation
             reduction: Reduction | None = self.reduction
             if dead == 0.0:
@@ -281,11 +250,16 @@ class Structure:
 
     # What is proved of it
 
-    @cached_property
-    def has_reference(self) -> bool:
-        """True if a state strictly inside carries the dead load alone; a solver may find it."""
-        if self.certifier.witnesses.easy_dead_state is not None or not self.dead.any():
-            return self.certifier.witnesses.easy_dead_state is not None
+    def seek_reference(self) -> bool:
+        """Returns whether a state strictly inside is known that carries the dead load alone. Where
+        none is, the first call lets solvers seek one, and the certifier keeps what they find."""
+        if self._has_reference is None:
+            is_known = self.certifier.witnesses.easy_dead_state is not None
+            self._has_reference = is_known or (bool(self.dead.any()) and self._find_reference())
+        return self._has_reference
+
+    def _find_reference(self) -> bool:
+        """Gives the certifier a state that carries the dead load alone, if a solver finds some."""
         formulation = self.run.formulation
         problem = LimitProgram(
             self.assemblage.alone(self.dead), self.surfaces, formulation=formulation,
@@ -303,7 +277,7 @@ class Structure:
     def refer_to(self, answers: Sequence[Raw]) -> bool:
         """Take the mean of answers as the reference if nothing is known to carry the dead load
         alone; true if that changes what is proved."""
-        if self.has_reference or not answers:
+        if self.seek_reference() or not answers:
             return False
         centre = np.mean([raw.factors for raw in answers], axis=0)
         moved = self.assemblage.under(self.dead + self.forces @ centre, self.certifier.statics.live)
@@ -326,20 +300,30 @@ class Structure:
             ray = self._ray(raw)
         else:
             point, point_is_proved = self._point(raw)
-        normal, offset, is_proved = self.half_space(raw)
-        made = Support(
-            raw.direction, point, ray, normal, offset, point_is_proved, is_proved, raw.is_mirrored
-        )
-        loaded, solution = self._solution(raw, made)
-        return replace(
-            made,
+        normal, offset, half_space_is_proved = self.half_space(raw)
+        # The same as a bracket of the load that these factors make.
+        size = float(np.abs(raw.factors).max())
+        loaded = raw.factors / size if size > FLAT else raw.direction / np.abs(raw.direction).max()
+        lower, push = -np.inf, float(normal @ loaded)
+        if point is not None:
+            lower = float(point @ loaded) / float(loaded @ loaded)
+        upper = offset / push if push > ROUNDING else np.inf
+        bracket = Bracket(lower, upper, point_is_proved, half_space_is_proved, least=FLAT)
+        factor = size if size > FLAT else 0.0
+        solution = self._solution(raw, loaded, factor, None if ray is not None else bracket)
+        lacks_rates = solution.mechanism is None and np.isfinite(offset)
+        return Support(
             direction=raw.direction * self.units,
             point=None if point is None else point * self.units,
             ray=None if ray is None else ray * self.units,
             normal=normal / self.units,
+            offset=offset,
+            point_is_proved=point_is_proved,
+            half_space_is_proved=half_space_is_proved,
+            is_mirrored=raw.is_mirrored,
             loaded=loaded * self.units,
             solution=solution,
-            rates=raw.mechanism if solution.mechanism is None and np.isfinite(offset) else None,
+            rates=raw.mechanism if lacks_rates else None,
         )
 
     def _towards(self, step: FloatArray) -> Certifier:
@@ -385,17 +369,18 @@ class Structure:
         if not self._field_was_sought and certifier.witnesses.opening_field is None:
             self._seek_field()
         opened = certifier.opened(raw.mechanism)
-        motion, size = opened.rates.ravel(), np.abs(opened.rates).ravel()
+        motion, speed = opened.rates.ravel(), np.abs(opened.rates).ravel()
         normal = self.forces.T @ motion
         offset = opened.dissipation - float(self.dead @ motion)
-        rounding = float(np.abs(self.dead) @ size) + abs(opened.dissipation)
-        rounding += float((np.abs(self.forces).T @ size) @ np.maximum(np.abs(raw.factors), 1.0))
+        # The powers below are rounded as the sum of their sizes is.
+        size = float(np.abs(self.dead) @ speed) + abs(opened.dissipation)
+        size += float((np.abs(self.forces).T @ speed) @ np.maximum(np.abs(raw.factors), 1.0))
         length = float(np.linalg.norm(normal))
-        if offset < -BOUNDLESS * length - 1e-9 * rounding and opened.is_allowed:
+        if offset < -BOUNDLESS * length - ROUNDING * size and opened.is_allowed:
             return np.zeros(len(self.units)), -1.0, True  # nothing at all is carried
-        if not (np.isfinite(offset) and length > 1e-9 * rounding):
+        if not (np.isfinite(offset) and length > ROUNDING * size):
             return none
-        offset += EPSILON * rounding
+        offset += EPSILON * size
         if not opened.is_allowed:
             largest = float(np.abs(raw.forces).max(initial=0.0))
             acting = float(np.abs(self.dead + self.forces @ raw.factors).sum())
@@ -413,29 +398,25 @@ class Structure:
             if state.mechanism is not None and self.certifier.offer_opening_field(state.mechanism):
                 return
 
-    def _solution(self, raw: Raw, made: Support) -> tuple[FloatArray, Solution]:
-        """The load factors (natural) that it is about, and the same as a solution under these."""
-        size = float(np.abs(raw.factors).max())
-        about = raw.factors / size if size > FLAT else raw.direction / np.abs(raw.direction).max()
-        push = float(made.normal @ about)
-        run = self.run.auxiliary_run(self.run.assemblage.under(self.dead, self.forces @ about))
-        run.given = self.run.given.with_live(combined(self.loads, self.units * about))
+    def _solution(
+        self, raw: Raw, loaded: FloatArray, factor: float, bracket: Bracket | None
+    ) -> Solution:
+        """Returns an answer as the solution under the load that the factors ``loaded`` make, of
+        which it carries ``factor``; without a ``bracket`` it is unbounded."""
+        run = self.run.auxiliary_run(self.run.assemblage.under(self.dead, self.forces @ loaded))
+        run.given = self.run.given.with_live(combined(self.loads, self.units * loaded))
         run.history, asked = [raw.iterate], Convex(self.tolerance)
         internal = raw.given if self.certifier.strength.is_internal else None
-        if made.ray is not None:
+        if bracket is None:
             run.best = Answer(None, Bracket(), raw.forces, None, internal=internal)
-            return about, packed(asked, run, Status.UNBOUNDED)
-        lower = -np.inf if made.point is None else float(made.point @ about) / float(about @ about)
-        upper = made.offset / push if push > 1e-9 else np.inf
-        proofs = made.point_is_proved, made.half_space_is_proved
-        bracket = Bracket(lower, upper, *proofs, least=FLAT)
-        power = 0.0 if raw.mechanism is None else float(self.forces @ about @ raw.mechanism.ravel())
-        is_its_own = power > 0.0 and np.isfinite(upper)
-        mechanism = raw.mechanism / power if raw.mechanism is not None and is_its_own else None
-        factor = size if size > FLAT else 0.0
+            return packed(asked, run, Status.UNBOUNDED)
+        mechanism = None
+        if raw.mechanism is not None and np.isfinite(bracket.upper):
+            power = float(self.forces @ loaded @ raw.mechanism.ravel())
+            mechanism = raw.mechanism / power if power > 0.0 else None
         run.best = Answer(factor, bracket, raw.forces, mechanism, internal=internal)
         good = bracket.is_within(self.tolerance)
-        return about, packed(asked, run, Status.CERTIFIED if good else Status.NOT_CERTIFIED)
+        return packed(asked, run, Status.CERTIFIED if good else Status.NOT_CERTIFIED)
 
     @cached_property
     def mirrors(self) -> list[LoadMirror]:
