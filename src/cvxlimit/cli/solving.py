@@ -281,7 +281,8 @@ class SolveCommand(Command):
         if chosen := {name: value for name, value in efforts.items() if value is not None}:
             if self.method != "zero-dilatancy":
                 named = " and ".join(f"--{name}" for name in chosen)
-                raise ModelError(f"{named} goes with --method zero-dilatancy")
+                verb = "goes" if len(chosen) == 1 else "go"
+                raise ModelError(f"{named} {verb} with --method zero-dilatancy")
             given["method"] = TABLE[self.method](**chosen)
         if self.branching_seconds is None and self.workers == 1:
             return given

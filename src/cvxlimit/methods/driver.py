@@ -364,8 +364,8 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     question: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
     if method.axis:
         question[method.axis] = method.name
-    is_no_answer = status.has_answer and not (status.is_good or best.bracket.has_any)
-    is_unasked = method.axis == "flow" or is_no_answer
+    is_unproved = status.has_answer and not (status.is_good or best.bracket.has_any)
+    is_unasked = method.axis == "flow" or is_unproved
     dilatancy = None if is_unasked else best.dilatancy_in(run.assemblage)
     return Solution(
         **question,
@@ -437,8 +437,8 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
         sentences = [basis, *run.remarks]
         # what to do comes first, unless it is known how far an iteration went
         if not is_plain:
-            known = 0 if run.best.iteration is None else len(sentences)
-            sentences.insert(known, status.advice)
+            place = 0 if run.best.iteration is None else len(sentences)
+            sentences.insert(place, status.advice)
     # what detection has left out or simplified, where that may have decided
     if status is Status.DEAD_LOAD_UNSTABLE and run.given.near_misses:
         cure = "if such a joint bears, give a joint_tolerance that joins it"

@@ -419,7 +419,6 @@ class Rows:
         at = np.searchsorted(keys, places[1] * shape[0] + places[0])
         # constants with a slot: of equations and inequalities alike b is minus what A has
         is_constant = column == CONSTANT_COLUMN
-        goal = goal._with_constant_entries()
         of_cost = goal.column != CONSTANT_COLUMN
         place = [at, matrix.nnz + row[is_constant], matrix.nnz + shape[0] + goal.column[of_cost]]
         values = [value[is_entry], -value[is_constant], -goal.value[of_cost]]

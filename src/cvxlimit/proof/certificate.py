@@ -240,8 +240,8 @@ class Certifier:
             end = upper.value if np.isfinite(upper.value) else load_factor
             if not lower.is_proved or end - lower.value > self._width * abs(end):
                 lower = self._better_without_idle(lower, x, load_factor, rate, u)
-        # Both are proved and near, and still too far apart: where rates are large for a live power
-        # of 1, slips by rounding are enough for that.
+        # The bounds are near each other and still too far apart: where rates are large for a live
+        # power of 1, slips by rounding are enough for that.
         is_near = lower.is_proved and upper.value > lower.value > 0.5 * upper.value
         room = self._width * abs(upper.value)
         if u is not None and is_near and upper.value - lower.value > room:

@@ -279,9 +279,9 @@ class Scene(RemadeFromFields, SceneJoints):
         turn, shift = (np.asarray(x, dtype=float) for x in (rotation, translation))
         return replace(
             self,
-            blocks=tuple(b.moved(turn, translation) for b in self.blocks),
-            dead=self.dead.moved(turn, translation),
-            live=self.live.moved(turn, translation),
+            blocks=tuple(b.moved(turn, shift) for b in self.blocks),
+            dead=self.dead.moved(turn, shift),
+            live=self.live.moved(turn, shift),
             ties=tuple(t.moved(turn, shift) for t in self.ties),
             reactions=tuple(r.moved(turn, shift) for r in self.reactions),
             settling=tuple(x.moved(turn, shift) for x in self.settling),

@@ -23,6 +23,7 @@ from cvxlimit import Block, Load, Scene, builtin_scene, solve
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.importing.bodies import Body, separated
 from cvxlimit.extensions.importing.digits import too_few_digits
+from cvxlimit.extensions.importing.reading import bodies_in
 from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io import export, import_geometry, read_bodies
@@ -417,6 +418,17 @@ def test_obj_objects_of_one_name_are_several_blocks(tmp_path: Path) -> None:
     )
     assert {b.id for b in found.scene.blocks} >= {"brick", "brick#2", "brick#56"}
     assert "numbered" in found.notes[0]
+
+
+def test_numbering_gives_no_name_that_is_there_already(tmp_path: Path) -> None:
+    lines = ["OFF", f"{len(CUBE.vertices)} {len(CUBE.faces)} 0"]
+    lines += [" ".join(map(str, point)) for point in CUBE.vertices]
+    lines += [" ".join(map(str, (len(face), *face))) for face in CUBE.faces]
+    files = [tmp_path / "one" / "a.off", tmp_path / "other" / "a.off", tmp_path / "one" / "a#2.off"]
+    for file in files:
+        file.parent.mkdir(exist_ok=True)
+        file.write_text("\n".join(lines))
+    assert [body.name for body in bodies_in(files)] == ["a", "a#3", "a#2"]
 
 
 def block_model() -> dict[str, Any]:

@@ -276,14 +276,18 @@ def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) ->
 
 
 def _unique(bodies: Sequence[Body], notes: list[str]) -> list[Body]:
-    seen, unique = Counter[str](), []
+    seen, taken, unique = Counter[str](), {body.name for body in bodies}, []
     for body in bodies:
-        seen[body.name] += 1
-        number = seen[body.name]
-        unique.append(replace(body, name=f"{body.name}#{number}") if number > 1 else body)
+        name = body.name
+        while seen[body.name] and name in taken:  # "a", "a", "a#2": the second one is "a#3"
+            seen[body.name] += 1
+            name = f"{body.name}#{seen[body.name]}"
+        seen[body.name] = max(seen[body.name], 1)
+        taken.add(name)
+        unique.append(replace(body, name=name))
     if several := sum(times > 1 for times in seen.values()):
         notes.append(
-            f"{several} names stand for several blocks: the later ones are numbered #2 ..."
+            f"several blocks have the same name ({several} times): later ones are numbered #2 ..."
         )
     return unique
 

@@ -63,7 +63,8 @@ def _ids(asked: str | Sequence[str], bodies: Sequence[Body]) -> list[str]:
     for name in names:
         if name not in known:
             some = ", ".join(map(shown, sorted(known)[:5]))
-            raise InputError(f"support {shown(name)} is not a block; the blocks are {some} ...")
+            more = " ..." if len(known) > 5 else ""
+            raise InputError(f"support {shown(name)} is not a block; the blocks are {some}{more}")
     return names
 
 

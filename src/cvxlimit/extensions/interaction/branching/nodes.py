@@ -136,7 +136,8 @@ class Relaxer:
         return explore(self, *task)
 
     def __reduce__(self) -> tuple[type[Relaxer], tuple[object, ...]]:
-        """What another process makes it of anew: factorisations stay behind."""
+        """What another process makes it of anew: factorisations stay behind, and so do the ladder
+        of tight solves, which the search keeps to its own process, and what was experienced."""
         assemblage, opening = self.certifier.assemblage, self.certifier.witnesses.opening_field
         bare = replace(assemblage, balance=Balance.of(assemblage.statics), strengths={})
         return Relaxer, (bare, self.moments, self.ladder, opening)

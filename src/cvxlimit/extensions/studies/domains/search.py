@@ -3,13 +3,14 @@
 The load factors p that a structure carries are a convex set for every convex model. One solve in a
 direction d finds the largest d @ p: its forces show a point of the set, its mechanism a half-space
 that holds it (``supports.py``). The hull of all points lies inside, what all half-spaces leave lies
-outside; the gap is largest at a corner of the latter. So a search has four stages:
+outside; the gap is largest at a corner of the latter. So a search has three stages:
 
 1. *first directions*: each load in both senses;
 2. *reference*: where the dead load alone does not stand, everything is proved anew about a state
    with some live load, and what needs no solver is added;
-3. *next directions*: the one that splits the largest gap, until it is within the tolerance;
-4. after each answer its mirror images are checked, and the file is written.
+3. *next directions*: the one that splits the largest gap, until it is within the tolerance.
+
+Each answer is taken with its mirror images, as far as they are proved, and kept in the file.
 
 Load factors are in natural units in here: the dead load over each live load.
 """
@@ -162,7 +163,7 @@ class Search:
         seconds = time.perf_counter() - self.started
         self.domain = replace(self.domain, status=status, seconds=seconds)
         is_last, waited = status is not Status.NOT_CERTIFIED, seconds - self.written
-        if self.path is not None and (is_last or waited > 1.0):  # many take as long as one
+        if self.path is not None and (is_last or waited > 1.0):  # all answers are written each time
             self.written = seconds
             write_domain(self.domain, self.path)
 
@@ -336,7 +337,8 @@ def load_domain(
     executor : Executor or dask Client, or None
         Where several directions are asked at once; None is one after another.
     path : path or None
-        A JSON file that is written after every answer; the same call goes on from it.
+        A JSON file that is written as answers come, once a second at most, and at the end; the
+        same call goes on from it.
     progress : bool or callable
         A bar on stderr with the gap, or a function that is told.
 

@@ -53,7 +53,8 @@ _AT_WINDOW, _WIDER = 0.99, 100.0
 widened if not any multiple is carried."""
 
 _MIXED = (1.0, 0.7548776662466927, 0.5698402909980532)
-"""Shares in which loads stand together for all where symmetry is asked for: none by chance."""
+"""Shares in which loads stand together for all where symmetry is asked for: 1, 1 / p and 1 / p^2 of
+the plastic number p (p^3 = p + 1), so that no two of their sums are equal by chance."""
 
 
 @dataclass(frozen=True, eq=False)
