@@ -15,7 +15,7 @@ INTERRUPTED = 130
 
 def main() -> NoReturn:
     if sys.flags.optimize > 1:
-        sys.exit("cvxlimit: options are read from docstrings, which python -OO leaves out")
+        sys.exit("cvxlimit: python -OO leaves out docstrings, which options are read from: use -O")
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, _stop)

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +33,9 @@ from cvxlimit import (
 )
 from cvxlimit.cli import main as cli
 from cvxlimit.cli import report, solving
+from cvxlimit.cli.options import Command, typer_command
 from cvxlimit.cli.report import show
-from cvxlimit.errors import SolverError
+from cvxlimit.errors import ModelError, SolverError
 from cvxlimit.io import read_result, read_scene, write_scene
 from cvxlimit.masonry import BUILTIN, Arch, bridge
 from cvxlimit.methods.settlement import settlement
@@ -839,3 +840,17 @@ def test_import_with_what_surrounds_a_wall(run: Run, tmp_path: Path) -> None:
     Path("scene.json").unlink()
     assert_refused(run(*asked[:-1], "pressures"), "give --earth or --water")
     assert_refused(run(*asked, "--fill", "3"), "2 numbers are meant, as in 3,20")
+
+
+def test_an_option_that_no_docstring_describes_is_refused() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Dig(Command):
+        """Dig under a scene."""
+
+        depth: float = 1.0
+
+        def run(self) -> int:
+            return 0
+
+    with pytest.raises(ModelError, match="command Dig: its docstring does not describe 'depth'"):
+        typer_command(Dig)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import logging
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from inspect import Parameter, Signature, cleandoc
@@ -25,14 +26,14 @@ import typer
 
 from cvxlimit.base.progressbar import LOG
 from cvxlimit.cli.report import VOICE
-from cvxlimit.errors import InputError
+from cvxlimit.errors import InputError, ModelError
 
 Job = Callable[[], int]
 """Work still to be done; returns the exit code."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Command:
+class Command(ABC):
     """What is given to a command, and :meth:`run`, which does it.
 
     Arguments
@@ -67,9 +68,9 @@ class Command:
     verbose: bool = False
     quiet: bool = False
 
+    @abstractmethod
     def run(self) -> int:
         """Do the work and return the exit code."""
-        raise NotImplementedError
 
     def __call__(self) -> int:
         """Run with the log on stderr, or with nothing shown; afterwards all is as before."""
@@ -98,6 +99,11 @@ def typer_command(kind: type[Command]) -> Callable[..., Job]:
 
     It does not do the work but returns it as a job, which ``main`` runs outside Typer for its exit
     code: no error in the work is taken for a mistake in the options.
+
+    Raises
+    ------
+    ModelError
+        For a field that no docstring describes.
     """
     # What docstrings say: group, short form, metavar and help of each option.
     said = dict[str, tuple[str, ...]]()
@@ -110,6 +116,11 @@ def typer_command(kind: type[Command]) -> Callable[..., Job]:
     # A parameter for each field, those that all commands have last.
     hints, parameters = get_type_hints(kind), []
     for field in sorted(fields(kind), key=lambda field: field.name in ("verbose", "quiet")):
+        if field.name not in said:
+            raise ModelError(
+                f"command {kind.__name__}: its docstring does not describe {field.name!r}: add "
+                f"'{field.name} : VALUE' and a line of help below it, in a section like Model"
+            )
         group, short, metavar, text = said[field.name]
         words = " ".join(text.split()).format_map(kind.names)
         shown: dict[str, Any] = {"metavar": metavar, "help": words, "show_default": False}
