@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Load, Scene, Units
+from cvxlimit import Block, Load, Scene, Units, pushover
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.code_check import CodeCheck, code_check
 from turning import ANGLES, END, B, H, turning, wall
@@ -119,7 +119,34 @@ def test_where_joints_slide_the_check_is_of_the_run_with_the_least_d0() -> None:
     broken = replace(short, configurations=short.configurations[:2], status="not-converged")
     check = code_check(replace(path, halved=broken))
     assert check.acceleration.tolist() == code_check(path).acceleration.tolist()
-    assert check.notes[-1].endswith("with the whole step: the least d0 of 2, and 1 ended before")
+    assert check.notes[-1].endswith("with the whole step; 1 has no d0")
+    assert "by the step" not in check.ends  # of one run
+
+
+def test_what_fails_in_any_run_comes_before_the_least_d0() -> None:
+    """The run whose d0 is larger snaps early: of what may happen the unfavourable counts."""
+    path = turning(wall(3), ANGLES)
+    weak = [replace(c, load_factor=0.01) if 1 < i < len(path) - 1 else c
+            for i, c in enumerate(path)]  # fmt: skip
+    snapping = replace(path, configurations=tuple(weak), snaps=(float(path.w[1]),))
+    short = replace(path, configurations=tuple(
+        replace(c, load_factor=path[0].load_factor * (1.0 - 1.02 * a / END))
+        for c, a in zip(path, ANGLES, strict=True)
+    ))  # fmt: skip
+    alone, both = code_check(snapping), code_check(replace(short, halved=snapping))
+    assert both.d0 == code_check(short).d0 < alone.d0
+    assert both.d_SLV == alone.d_SLV < 0.4 * both.d0
+    assert both.slv.basis == f"{alone.slv.basis}, with half the step"
+
+
+@pytest.mark.parametrize("has_half", [False, True])
+def test_a_run_by_the_other_rule_that_slides_away_has_no_d0(has_half: bool) -> None:
+    path = turning(wall(1), ANGLES)
+    gone = pushover(wall(1).with_friction(0.1), certify="none", halvings=0)
+    assert gone.slides_away
+    check = code_check(replace(path, halved=path if has_half else None, other_flow=gone))
+    assert check.d0 == code_check(path).d0
+    assert check.notes[-1].endswith("; 1 has no d0")
 
 
 def test_what_friction_at_points_adds_is_told() -> None:

@@ -4,8 +4,8 @@
    the path its capacity curve: spectral accelerations a = alpha g / (e* FC) over displacements d.
 2. d0 is where nothing is carried any more: of all runs of the path, with the step, with half of it,
    by the other flow rule, the least.
-3. The limit states SLV and SLC are at 0.4 d0 and 0.6 d0, or where something fails before; periods
-   are 1.68 pi sqrt(d / a) and 1.56 pi sqrt(d / a).
+3. The limit states SLV and SLC are at 0.4 d0 and 0.6 d0, or where something fails before in any
+   of these runs; periods are 1.68 pi sqrt(d / a) and 1.56 pi sqrt(d / a).
 4. Motions in time stand beside them, if there are any.
 
 The formulas are a transcription, and have to be compared with the code in force.
@@ -274,20 +274,24 @@ def code_check(
     # The oscillator: accelerations over load factors, displacements over those of the control.
     one = oscillator(path, groups, own_inertia)
     per_factor, per_control = one.push * gravity / (one.e_star * factor), one.per_control
-    # Where the runs of the path end; the one that ends first is checked.
-    runs = [run for run in (path.halved, path, path.other_flow) if run is not None]
-    refused = next((run.headline for run in runs[:2] if run.slides_away), "")
+    # Where the runs of the path end; the one that ends first is checked. One by the other flow rule
+    # that slides away has no end.
+    own = [run for run in (path.halved, path) if run is not None]
+    refused = next((run.headline for run in own if run.slides_away), "")
+    runs = [*own, *([path.other_flow] if path.other_flow is not None else [])]
     ends = [] if refused else _ends(path, runs)
     run = ends[0].run if ends else path
     acceleration, displacement = per_factor * run.load_factor, per_control * run.displacement
-    # Limit states: shares of d0, or what fails before.
-    failures = _failures(run, local_failure)
+    # Limit states: shares of d0, or what fails before, in whichever run that is.
+    failures = [(at, what, end) for end in ends for at, what in _failures(end.run, local_failure)]
     limits = list[Limit]()
     for share, period in ((0.4, 1.68), (0.6, 1.56)) if ends else ():
         of_d0 = f"{share:g} d0{_interval(path, ends, share * per_control)}"
-        at, basis = min([(share * ends[0].displacement, of_d0), *failures])
-        found = configuration_at(run, at)
+        reached = (share * ends[0].displacement, of_d0, ends[0])
+        at, basis, end = min([reached, *failures], key=lambda each: each[0])
+        found = configuration_at(end.run, at)
         d, a = float(per_control * at), float(per_factor * found.load_factor)
+        basis += f", {end.name}" * (end.run is not run)
         limits.append(Limit(d, a, float(period * np.pi * np.sqrt(d / a)), basis, found))
     slv, slc = limits or (None, None)
     return CodeCheck(
@@ -295,23 +299,28 @@ def code_check(
         float(acceleration[0]), displacement, acceleration, run.pieces,
         d0=float(per_control * ends[0].displacement) if ends else float("nan"),
         ends=ends[0].why + _interval(path, ends, per_control) if ends else "",
-        slv=slv, slc=slc, notes=_notes(path, len(runs), ends, own_inertia), refused=refused,
+        slv=slv, slc=slc, notes=_notes(path, runs, ends, own_inertia), refused=refused,
         histories=_in_time(path, motions, slv.displacement / per_control if slv else np.nan),
     )  # fmt: skip
 
 
-def _notes(path: Path, runs: int, ends: Sequence[_End], own_inertia: bool) -> tuple[str, ...]:
+def _notes(
+    path: Path, runs: Sequence[Path], ends: Sequence[_End], own_inertia: bool
+) -> tuple[str, ...]:
     """What is to say of the path, of the run that is checked, and of the mechanism at rest."""
-    notes = [*path.notes]
+    run = ends[0].run if ends else path
+    notes = [*dict.fromkeys([*run.notes, *path.notes])]
     if ends and path.slides:
         notes.insert(0, f"on the path {path.headline}")
-    if ends and runs > 1:
-        short = f", and {runs - len(ends)} ended before" * (len(ends) < runs)
-        notes.append(f"the check is of the run {ends[0].name}: the least d0 of {runs}{short}")
+    if ends and len(runs) > 1:
+        least = f": the least d0 of {len(ends)}" * (len(ends) > 1)
+        lost = len(runs) - len(ends)
+        short = f"; {lost} {'has' if lost == 1 else 'have'} no d0" * (lost > 0)
+        notes.append(f"the check is of the run {ends[0].name}{least}{short}")
     if own_inertia:
         notes.append("e* is over the bodies, which turn, and not of weights at their centroids")
     alone = (path.initial and path.initial.load_factor) or np.inf
-    over = path.load_factor[0] / alone - 1.0
+    over = run.load_factor[0] / alone - 1.0
     if abs(over) >= 0.0005:  # which shows as 0.1 %
         notes.append(f"friction acts at points, which changes a0* by {over:+.1%} against solve's")
     return tuple(notes)
@@ -358,7 +367,9 @@ def _ends(path: Path, runs: Sequence[Path]) -> list[_End]:
 
 def _interval(path: Path, ends: Sequence[_End], times: float) -> str:
     """The least and the largest of the ends, ``times`` a factor, and what it is over; empty where
-    they are one and no blocks were followed."""
+    there is one only, and where they are the same and no blocks were followed."""
+    if len(ends) == 1:
+        return ""
     low, high = (f"{times * end.displacement:.4g}" for end in (ends[0], ends[-1]))
     return f", {low} to {high} by {path.varies_by}" if low != high or path.followed else ""
 
