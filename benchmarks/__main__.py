@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _list() -> None:
     for each in experiments().values():
         minutes = sum(part.minutes for part in each.parts)
-        records = f", {minutes:g} min for its records" if each.parts else ""
+        records = f" {minutes:g} min for its records." if each.parts else ""
         console.print(f"{each.name:12} {each.what}{records}")
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.compare.models import Method, Row
+from cvxlimit.extensions.studies.models import Model, Row
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.scene import Scene, Units
 
@@ -133,8 +133,7 @@ def eight_lines(data: Program, arms: FloatArray) -> cp.Problem:
     return cp.Problem(cp.Maximize(alpha), [balance, edges(contacts) @ forces <= 0, sliding])
 
 
-@dataclass(frozen=True)
-class Literal(Method):
+class Literal(Model):
     """The paper's linear program in plain CVXPY, default solver and settings.
 
     Attributes
@@ -143,16 +142,12 @@ class Literal(Method):
         ``"kN-m"`` or ``"N-mm"``: of the numbers that the solver sees.
     """
 
-    name: str = "literal/octagon/kN-m"
-    line: str = "literal transcription, octagon"
-    units: str = "kN-m"
-    surface: str = "octagon"
-
-    def axes(self) -> dict[str, str]:
-        """See :class:`Method`."""
-        formulation = f"resultants, literal, {self.units}"
-        row = {"surface": self.surface, "formulation": formulation, "solver": "CVXPY's default"}
-        return {**row, **super().axes()}
+    def __init__(
+        self, name: str = "literal/octagon/kN-m", line: str = "literal transcription, octagon",
+        units: str = "kN-m", surface: str = "octagon",
+    ) -> None:  # fmt: skip
+        super().__init__(name, line, surface=surface)
+        self.units = units
 
     def measure(self, scene: Scene) -> Row:
         """From known contacts to the load factor."""
@@ -173,19 +168,15 @@ class Literal(Method):
 
     def problem(self, data: Program) -> cp.Problem:
         """One sparse matrix for all contacts."""
-        return written(data, torsion_arms(data.contacts), self.surface)
+        return written(data, torsion_arms(data.contacts), self.options["surface"])
 
 
-@dataclass(frozen=True)
 class ScipyLinprog(Literal):
     """The same matrices in SciPy's ``linprog`` (HiGHS), default settings."""
 
-    name: str = "literal/octagon/kN-m/scipy"
-    line: str = "SciPy linprog on the same matrices"
-
-    def axes(self) -> dict[str, str]:
-        """See :class:`Method`."""
-        return {**super().axes(), "solver": "SciPy linprog (HiGHS)"}
+    def __init__(self) -> None:
+        line = "SciPy linprog on the same matrices"
+        super().__init__("literal/octagon/kN-m/scipy", line)
 
     def measure(self, scene: Scene) -> Row:
         """From known contacts to the load factor."""
@@ -215,7 +206,7 @@ CONES = (
 """The same with Eq. 24 instead of its 16 planes: a second-order cone per contact."""
 
 
-def baselines() -> dict[str, Method]:
+def baselines() -> dict[str, Model]:
     """All baselines by name."""
     other = Literal("literal/octagon/N-mm", "literal, octagon, N and mm", "N-mm")
     methods = [Literal(), other, *CONES, ScipyLinprog()]

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.files import write_file
-from cvxlimit.extensions.compare.chart import draw_time_against_error, few_ticks
-from cvxlimit.extensions.compare.models import Row
+from cvxlimit.extensions.studies.chart import draw_time_against_error, few_ticks
+from cvxlimit.extensions.studies.models import Row
 
 __all__ = ["few_ticks", "figure_of", "name_lines", "save", "stacked", "top_legend"]
 

@@ -13,7 +13,6 @@ import json
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -113,7 +112,6 @@ def measure(names: Sequence[str], again: bool, workers: int, say: Callable[[str]
 
 def _measured(part: Part, commit: str, say: Callable[[str], None]) -> bool:
     say(f"{part.name}: about {part.minutes:g} min")
-    _forget_older(part, commit)
     try:
         record = run(part, commit, lambda line: say(f"{part.name}: {line}"))
     except subprocess.CalledProcessError as error:
@@ -122,17 +120,6 @@ def _measured(part: Part, commit: str, say: Callable[[str], None]) -> bool:
     write_file(FOLDER / f"{part.name}.json", (json.dumps(asdict(record), indent=1) + "\n").encode())
     say(f"{part.name}: done, {record.minutes:g} min")
     return True
-
-
-def _forget_older(part: Part, commit: str) -> None:
-    """Delete what an interrupted run at another commit left behind."""
-    begun = ROOT / "benchmarks" / "results" / "begun" / part.name
-    if not part.keeps or (begun.exists() and begun.read_text() == commit):
-        return
-    kept = ROOT / part.keeps
-    shutil.rmtree(kept) if kept.is_dir() else kept.unlink(missing_ok=True)
-    begun.parent.mkdir(parents=True, exist_ok=True)
-    begun.write_text(commit)
 
 
 def committed() -> str:

@@ -53,15 +53,11 @@ class Part:
         What follows the experiment's name at the command line.
     name : str
         Of the record; that of the experiment unless given.
-    keeps : str
-        File or folder, below the repository's root, in which it goes on where it stopped. What a
-        run at another commit left there is deleted.
     """
 
     minutes: float
     arguments: str = ""
     name: str = ""
-    keeps: str = ""
     experiment: str = ""
 
     @property
@@ -143,8 +139,24 @@ def _said(default: object) -> str:
     return "none" if default is None else str(default)
 
 
+def place(text: str) -> Path:
+    """A folder that is there, or a file in one: nothing is measured that could not be written.
+
+    >>> place("no-such-folder/picture.png")
+    Traceback (most recent call last):
+    argparse.ArgumentTypeError: there is no folder 'no-such-folder'; create it first
+    """
+    path = Path(text)
+    folder = path.parent if path.suffix else path
+    if not folder.is_dir():
+        raise argparse.ArgumentTypeError(f"there is no folder '{folder}'; create it first")
+    return path
+
+
 def _typed(kind: Any) -> Callable[[str], Any]:
     """Numbers are above zero, or zero where nothing is a choice: none of them is a direction."""
+    if kind is Path:
+        return place
 
     def parse(text: str) -> Any:
         try:

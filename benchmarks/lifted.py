@@ -52,9 +52,9 @@ from scipy.sparse.linalg import lsmr
 
 from cvxlimit.base.arrays import EPSILON, BoolArray, FloatArray, IntArray
 from cvxlimit.base.checks import count, not_negative
-from cvxlimit.extensions.dilatancy.least_thrust import LeastThrust
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.driver import Run
+from cvxlimit.methods.least_thrust import LeastThrust
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.minorant import minorant

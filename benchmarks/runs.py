@@ -22,8 +22,8 @@ from typing import TypeVar
 
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.compare.comparison import run_here
-from cvxlimit.extensions.compare.models import Method, Row
+from cvxlimit.extensions.studies.comparison import run_here
+from cvxlimit.extensions.studies.models import Model, Row
 from cvxlimit.masonry import single_block
 from cvxlimit.scene import Scene
 
@@ -85,7 +85,7 @@ def apart(call: Callable[[], T], limits: Limits, environment: Mapping[str, str] 
         return found
 
 
-def run_apart(method: Method, scene: Scene, limits: Limits) -> Row:
+def run_apart(method: Model, scene: Scene, limits: Limits) -> Row:
     """One run of ``method``, in a process that one block has warmed up before the clock starts."""
     _packed(method, f"model {method.name!r}")
     try:
@@ -94,7 +94,7 @@ def run_apart(method: Method, scene: Scene, limits: Limits) -> Row:
         return Row(reason=str(stopped))
 
 
-def _measured(method: Method, scene: Scene) -> Row:
+def _measured(method: Model, scene: Scene) -> Row:
     with suppress(Exception):  # what is imported and compiled once is not timed
         method.measure(single_block())
     result = run_here(method, scene)

@@ -300,6 +300,11 @@ def capacity() -> plt.Figure:
     return code_check(pushover(builtin_scene("stack"))).plot()
 
 
+def from_rest() -> plt.Figure:
+    """A wall whose joints slide from rest on, to an end below its proved limit."""
+    return solve(builtin_scene("ferris-tin-loi-2"), method="incremental").plot("curve")
+
+
 # --- scenes of other programs --------------------------------------------------------------------
 
 
@@ -385,6 +390,7 @@ FIGURES = {
     "pressure-centre": pressure_centre,
     "readings": readings,
     "path": path,
+    "from-rest": from_rest,
     "capacity": capacity,
     "envelope": envelope_of_a_lorry,
 }

@@ -17,7 +17,8 @@ from scenes import make_scenes
 from cvxlimit import builtin_scene, solve
 from cvxlimit.plotting import PICTURES
 
-FIGURES = Path(__file__).parent / "figures"
+HERE = Path(__file__).parent
+FIGURES = HERE / "figures"
 
 
 def make_all(root: Path, made: Path) -> None:
@@ -94,7 +95,7 @@ def first_sentences(text: str, least: int = 60) -> str:
 
 def commands() -> str:
     """What the command line knows of itself, by Typer's own command."""
-    asked = ["typer", "cvxlimit.cli.main", "utils", "docs", "--name", "cvxlimit"]
+    asked = ["typer", str(HERE / "all_commands.py"), "utils", "docs", "--name", "cvxlimit"]
     done = subprocess.run([sys.executable, "-m", *asked], capture_output=True, check=True)
     return done.stdout.decode("utf-8")
 

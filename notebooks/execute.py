@@ -61,14 +61,14 @@ def smaller(picture: str) -> str:
 
 
 def run(notebook: nbformat.NotebookNode, timeout: float = 300.0) -> None:
-    """Run a notebook as the tests do: from the root of the sources, with their package."""
+    """Run a notebook as readers and the tests do: in its own folder, with the package's sources."""
     paths = [str(ROOT / "src"), *filter(None, sys.path)]
     os.environ["PYTHONPATH"] = os.pathsep.join(paths)
     os.environ["PYDEVD_DISABLE_FILE_VALIDATION"] = "1"
     client = nbclient.NotebookClient(
         notebook, timeout=timeout, kernel_name="python3", record_timing=False
     )
-    client.execute(cwd=str(ROOT))
+    client.execute(cwd=str(HERE))
     notebook.metadata["language_info"] = {"name": "python"}
 
 

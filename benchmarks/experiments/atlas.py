@@ -1,7 +1,8 @@
 """Where methods fail: families of scenes made to break them, and how each answer was judged.
 
-Rows are kept in ``benchmarks/results/stability``, and what stands there is not measured again:
-``--size 0`` only prints the tables. With ``--first 2000`` scenes are asked that nobody has seen.
+Rows are kept in ``benchmarks/results/stability``, and what this code measured there is not measured
+again; ``--kept FOLDER`` prints the rows of a folder, and whose they are. With ``--first 2000``
+scenes are asked that nobody has seen.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from statistics import median
 
 from benchmarks.charts import save
 from benchmarks.experiment import Head, Lines, Part, Title, experiment
-from benchmarks.rows import Row, Rows
+from benchmarks.rows import Measured, Row
 from benchmarks.stability import pictures
 from benchmarks.stability.families import FAMILIES
 from benchmarks.stability.models import BELOW
@@ -25,19 +26,21 @@ FOLDER = Path("benchmarks/results/stability")
 _GOOD = (Outcome.RIGHT, Outcome.NO_ANSWER)
 
 
-@experiment(Part(30, "--docs docs/evidence", keeps=str(FOLDER)))
+@experiment(Part(30, "--docs docs/evidence"))
 def atlas(
     studies: Sequence[str] = tuple(STUDIES), size: int = 1100, first: int = 0, scale: int = 1,
-    out: Path = FOLDER, docs: Path | None = None,
+    out: Path = FOLDER, docs: Path | None = None, kept: Path | None = None,
 ) -> Lines:  # fmt: skip
     """Where methods fail: so many scenes for our default from a first seed on, fewer for others;
     ``scale`` multiplies numbers of blocks."""
     for study in studies:
         ask, share = STUDIES[study]
-        kept = Rows(out / f"{study}.jsonl", "key")
-        if size:
-            ask(kept, max(1, round(share * size)), scale, first)
-        rows = list(kept)
+        made = Measured((kept or out) / f"{study}.jsonl", "key", kept=kept is not None)
+        if kept is None:
+            ask(made, max(1, round(share * size)), scale, first)
+        else:
+            yield made.said()
+        rows = list(made)
         for title, table in TABLES[study].items() if rows else ():
             yield Title(title)
             yield from table(rows)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from benchmarks.charts import figure_of, save
 from benchmarks.experiment import Head, Lines, Part, Title, experiment
-from benchmarks.rows import Rows
+from benchmarks.rows import Measured
 from benchmarks.scenes import drums, irregular_wall, prisms
 from cvxlimit import Scene
 from cvxlimit.extensions.interaction.certified import Certified
@@ -116,26 +116,28 @@ MOMENTS_AFTER = (1.0, 5.0, 20.0)
 """CPU seconds at which shares are told."""
 
 
-@experiment(Part(10, "--picture docs/evidence/closing.png", keeps=str(ROWS)))
+@experiment(Part(10, "--picture docs/evidence/closing.png"))
 def closing(
     families: Sequence[str] = tuple(FAMILIES), number: int = 0, first: int = 90_000,
     moments: Sequence[str] = tuple(COLOURS), tries: int = 40, out: Path = ROWS,
-    picture: Path | None = None,
+    picture: Path | None = None, kept: Path | None = None,
 ) -> Lines:  # fmt: skip
     """How far certified brackets close by default settings, on so many seeds of families from a
     first one on."""
-    kept = Rows(out, "scene", "moments")
-    for family in families:
+    made = Measured(kept or out, "scene", "moments", kept=kept is not None)
+    if kept is not None:
+        yield made.said()
+    for family in families if kept is None else ():
         for reading in moments:
             count = number or NUMBERS[family]
             for scene in map(FAMILIES[family], range(first, first + 4 * count)):
-                if {"scene": scene.name, "moments": reading} not in kept:
-                    kept.add(asdict(measured(scene, reading, tries)))
-                found = Row.of(kept.get({"scene": scene.name, "moments": reading}) or {})
+                if {"scene": scene.name, "moments": reading} not in made:
+                    made.add(asdict(measured(scene, reading, tries)))
+                found = Row.of(made.get({"scene": scene.name, "moments": reading}) or {})
                 count -= found.has_answer
                 if not count:
                     break
-    rows = [row for row in map(Row.of, kept) if row.has_answer]
+    rows = [row for row in map(Row.of, made) if row.has_answer]
     yield Title("shares")
     yield from shares(rows)
     if picture is not None:

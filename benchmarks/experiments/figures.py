@@ -37,7 +37,7 @@ from benchmarks.experiment import Head, Lines, Title, experiment
 ROOM = Path(__file__).parents[2] / "src" / "cvxlimit"
 
 LEFT_OUT = (
-    "extensions/dilatancy", "extensions/compare", "extensions/importing", "plotting", "cli", "io",
+    "extensions/dilatancy", "extensions/importing", "plotting", "cli", "io",
     "masonry",
 )  # fmt: skip
 """Folders whose figures are another matter: drawing, sizes of built-in scenes, other methods."""

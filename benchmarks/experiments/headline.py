@@ -10,8 +10,8 @@ from benchmarks.experiment import Head, Lines, Part, Title, experiment
 from benchmarks.machine import fitted_exponent
 from benchmarks.runs import Limits, run_apart
 from benchmarks.scenes import panel_of, scene_of
-from cvxlimit.extensions.compare.comparison import side_by_side
-from cvxlimit.extensions.compare.models import Model, Row
+from cvxlimit.extensions.studies.comparison import side_by_side
+from cvxlimit.extensions.studies.models import Model, Row
 from cvxlimit.solution.bracket import Bracket
 
 OURS = Model("cvxlimit/1e-6", "cvxlimit", tolerance=1e-6)
@@ -49,9 +49,10 @@ def headline(repeat: int = 5, limit: float = 120.0, sizes: Sequence[int] = SIZES
     found: list[list[Row]] = []
     for name in PANELS:
         turns = [m for m in METHODS.values() if not m.name.endswith("all-cores")]
-        rows = {row.method: row for row in side_by_side(turns, scene_of(name), repeat, run=alone)}
+        timed = side_by_side(turns, scene_of(name), repeat, run=alone).rows
+        rows = {row.method: row for row in timed}
         others = [m for m in METHODS.values() if m.name not in rows]
-        last = side_by_side(others, scene_of(name), repeat, run=free, refer=alone)
+        last = side_by_side(others, scene_of(name), repeat, run=free, refer=alone).rows
         rows |= {row.method: row for row in last}
         found.append([rows[method.name] for method in METHODS.values()])
     yield Title("Panels")
@@ -62,12 +63,14 @@ def headline(repeat: int = 5, limit: float = 120.0, sizes: Sequence[int] = SIZES
     yield from sizes_table([row for size in sizes for row in grown(size, repeat, limit)])
 
 
-def grown(size: int, repeat: int, limit: float) -> list[Row]:
+def grown(size: int, repeat: int, limit: float) -> tuple[Row, ...]:
     """Ours on a panel with two returns; no reference is needed for that."""
     is_large = size > LARGE
     run = partial(run_apart, limits=Limits((20 if is_large else 1) * limit, 8.0))
     refer = partial(run_apart, limits=Limits(1.0))
-    return side_by_side([OURS], panel_of(size), 1 if is_large else repeat, run=run, refer=refer)
+    return side_by_side(
+        [OURS], panel_of(size), 1 if is_large else repeat, run=run, refer=refer
+    ).rows
 
 
 def _cell(row: Row) -> str:

@@ -1,7 +1,8 @@
 """The paper's iteration under every reading of Eq. 30, beside certified brackets.
 
-Every run of :func:`runs` is a row of ``docs/evidence/interaction.jsonl`` as soon as it is done, and
-what stands there is not run again: tables and the picture are made from all of them.
+Every run of :func:`runs` is a row of the file ``--out`` as soon as it is done, and what this code
+measured there is not run again: tables and the picture are made from all of them. ``--kept FILE``
+prints the rows of a file that any version measured, and says which.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from matplotlib.ticker import MaxNLocator
 
 from benchmarks.charts import LETTERS, figure_of, save
 from benchmarks.experiment import Head, Lines, Part, Title, experiment
-from benchmarks.rows import Row, Rows
+from benchmarks.rows import Measured, Row
 from benchmarks.scenes import scene_of as by_name
 from cvxlimit import Scene, solve
 from cvxlimit.errors import CvxlimitError
@@ -32,7 +33,7 @@ from cvxlimit.readings.named import MOMENTS, Paper
 from cvxlimit.solution.bracket import Bracket, known
 from cvxlimit.solvers import settings_for
 
-STORE = Path("docs/evidence/interaction.jsonl")
+STORE = Path("benchmarks/results/interaction.jsonl")
 
 AXES = tuple(Paper((one, two)) for one in (1, -1) for two in (1, -1))
 """The paper's reading with the four choices of signs of the contacts' axes."""
@@ -44,19 +45,16 @@ CONVENTIONS = ("independent", "signed", "paper")
 WALLS = tuple(f"random-wall-{seed}" for seed in (1, 2, 3, 5, 7, 8, 11, 12, 13, 16))
 """Irregular walls of 14 to 46 contacts whose live load does harm."""
 
-PAPER: dict[str, tuple[str, float | None, float | None, str]] = {
-    "s12-panel": ("S12 (Table 8)", 0.137, 0.129, "34 min"),
-    "s10-panel": ("S10 (Table 10)", 0.215, 0.213, "61 min"),
-    "tuff-wall": ("tuff wall (Table 5)", None, None, "3 s"),
+PAPER: dict[str, tuple[str, float | None, float | None, float]] = {
+    "s12-panel": ("S12 (Table 8)", 0.137, 0.129, 33.7),
+    "s10-panel": ("S10 (Table 10)", 0.215, 0.213, 60.8),
+    "tuff-wall": ("tuff wall (Table 5)", None, None, 0.05),
 }
-"""The paper's name, its last factor, the experiment's, and what the last iterate took it."""
+"""The paper's name, its last factor, the experiment's, and the minutes that its last iterate
+took."""
 
-ITERATES = {"s12-panel": 20, "s10-panel": 8, "tuff-wall": 30}
-"""Iterations at most."""
-
-VARIED = {"tuff-wall": (30, 12), "s12-panel": (8, 6), "s10-panel": (5, 3)}
-"""Iterations at most where the paper's own reading is run with other settings and block orders, and
-how many of these, on the octagon as in the paper."""
+ORDERS = {"tuff-wall": 12, "s12-panel": 6, "s10-panel": 3}
+"""In how many orders of the blocks the paper's own reading is run, on the octagon as there."""
 
 CHANGES: tuple[dict[str, Any], ...] = (
     *({"epsilon": epsilon} for epsilon in (1e-3, 1e-2, 1e-1)),
@@ -66,8 +64,6 @@ CHANGES: tuple[dict[str, Any], ...] = (
 """Settings other than the defaults, one at a time. With a ``regularisation`` forces are those of
 least norm, so that neither rounding nor the solver picks them."""
 
-SETTLED = 3
-"""Iterates from this one on count for the range in which an iteration wanders."""
 
 CLOSED = 1e-4
 """Relative width of a bracket that is a number to four digits; the paper's change in Eq. 43."""
@@ -90,7 +86,6 @@ class Experiment:
     epsilon: float = 0.0
     solver: str = ""
     order: int = -1
-    most: int = 30
     regularisation: float = 0.0
 
     @property
@@ -113,16 +108,20 @@ Pair = tuple[Experiment, Row]
 """A run and what came of it: status, load factor, bounds, CPU seconds, contacts, iterates."""
 
 
-@experiment(Part(8, "--each 40 --docs docs/evidence", keeps=str(STORE)))
+@experiment(Part(30, "--out docs/evidence/interaction.jsonl --docs docs/evidence"))
 def interaction(
-    scenes: Sequence[str] = (), each: float = 60.0, out: Path = STORE, docs: Path | None = None
-) -> Lines:
+    scenes: Sequence[str] = (), each: float = 600.0, out: Path = STORE,
+    docs: Path | None = None, kept: Path | None = None,
+) -> Lines:  # fmt: skip
     """The paper's iteration, its readings, and certified brackets; so many seconds for each run."""
-    kept, every = Rows(out, "key"), [e for e in runs() if not scenes or e.scene in scenes]
-    for wanted in every:
-        if {"key": wanted.key} not in kept:
-            kept.add({"key": wanted.key, "result": run(wanted, each)})
-    pairs = [(e, row["result"]) for e in every if (row := kept.get({"key": e.key}))]
+    rows, every = Measured(kept or out, "key", kept=kept is not None), list(runs())
+    every = [e for e in every if not scenes or e.scene in scenes]
+    if kept is not None:
+        yield rows.said()
+    for wanted in every if kept is None else ():
+        if {"key": wanted.key} not in rows:
+            rows.add({"key": wanted.key, "result": run(wanted, each)})
+    pairs = [(e, row["result"]) for e in every if (row := rows.get({"key": e.key}))]
     for title, table in TABLES.items():
         yield Title(title)
         yield from table(pairs)
@@ -132,21 +131,22 @@ def interaction(
 
 def runs() -> Iterator[Experiment]:
     """All of them, part by part."""
-    for scene, most in ITERATES.items():  # Tables 8 and 10 and the tuff wall, under every reading
+    for scene in PAPER:  # Tables 8 and 10 and the tuff wall, under every reading
         for reading in (*AXES, *(m for m in MOMENTS.values() if m.name != "paper")):
-            yield Experiment("tables", scene, reading.name, surface="octagon", most=most)
+            yield Experiment("tables", scene, reading.name, surface="octagon")
     # certified brackets and the paper's iteration beside them, on the exact cone
-    for scene in dict.fromkeys((*VARIED, *WALLS, *BUILTIN)):
+    for scene in dict.fromkeys((*ORDERS, *WALLS, *BUILTIN)):
         yield Experiment("brackets", scene, "none", "first")
         for moments in CONVENTIONS:
             yield Experiment("brackets", scene, moments, "certified")
-            yield Experiment("brackets", scene, moments, most=8 if scene == "s10-panel" else 20)
+            yield Experiment("brackets", scene, moments)
     for reading in (*AXES[1:], MOMENTS["signed-torsion-bending"]):
         yield Experiment("brackets", "tuff-wall", reading.name, "certified")
-    for scene, (most, orders) in VARIED.items():  # what the paper's reading depends on
-        of_paper = Experiment("settings", scene, "paper", surface="octagon", most=most)
+    for scene, orders in ORDERS.items():  # what the paper's reading depends on
+        of_paper = Experiment("settings", scene, "paper", surface="octagon")
         yield of_paper
-        yield from (replace(of_paper, **change) for change in CHANGES)
+        others = CHANGES if scene == "tuff-wall" else CHANGES[:-2]  # minutes each on panels
+        yield from (replace(of_paper, **change) for change in others)
         yield from (replace(of_paper, part="orders", order=order) for order in range(orders))
     yield Experiment("settings", "tuff-wall", "paper", surface="octagon", solver="HIGHS")
 
@@ -174,8 +174,7 @@ def run(e: Experiment, seconds: float) -> Row:
     methods = {
         "certified": Certified(moments=moments),
         "fixed-point": FixedPoint(
-            e.weight, max_iterations=e.most, epsilon=e.epsilon, regularisation=e.regularisation,
-            moments=moments,
+            e.weight, epsilon=e.epsilon, regularisation=e.regularisation, moments=moments
         ),
     }  # fmt: skip
     # HiGHS's interior point and then a corner of the optimal face, as the paper's Mosek has it
@@ -185,13 +184,16 @@ def run(e: Experiment, seconds: float) -> Row:
         found = solve(scene, e.surface, methods.get(e.kind), ladder=ladder, progress=progress)
     except (KeyboardInterrupt, CvxlimitError) as error:
         return {**about, "status": str(error) or f"stopped after {seconds:.0f} s of CPU"}
+    factors = [_short(entry.load_factor) for entry in found.history]
+    last = factors[-1] if factors and e.kind == "fixed-point" else found.load_factor
     numbers = {
-        "load_factor": found.load_factor, "lower": known(found.lower),
+        "load_factor": last, "lower": known(found.lower),
         "upper": known(found.upper), "seconds": process_time() - start,
     }  # fmt: skip
-    factors = [_short(entry.load_factor) for entry in found.history]
     short = {name: _short(number) for name, number in numbers.items()}
-    return {**about, "status": str(found.status), **short, "factors": factors}
+    went = found.iteration
+    band = [] if went is None else [_short(went.lowest), _short(went.highest)]
+    return {**about, "status": str(found.status), **short, "factors": factors, "band": band}
 
 
 def _short(number: float | None) -> float | None:
@@ -208,14 +210,19 @@ def _of(pairs: Iterable[Pair], part: str, **wanted: object) -> list[Pair]:
     ]  # fmt: skip
 
 
-def _later(row: Row) -> list[float]:
-    return [f for f in row["factors"][SETTLED - 1 :] if f is not None]
+def four(value: float) -> str:
+    """Four digits, and zero without a sign.
+
+    >>> four(-1e-9), four(0.13)
+    ('0.0000', '0.1300')
+    """
+    return f"{round(value, 4) + 0.0:.4f}"
 
 
 def _range(values: Sequence[float]) -> str:
     if not values:
         return "-"
-    low, high = f"{min(values):.4f}", f"{max(values):.4f}"
+    low, high = four(min(values)), four(max(values))
     return low if low == high else f"{low} to {high}"
 
 
@@ -237,13 +244,25 @@ def _percent(value: float, of: float) -> str:
     return f"{100.0 * (value / of - 1.0):+.1f} %"
 
 
-def _ending(row: Row) -> str:
-    """The end of an iteration that settled, the range and the paper's end of one that did not."""
-    if row["status"] == "converged":
-        return f"{row['load_factor']:.4f} after {len(row['factors'])}"
-    later = [f for f in row["factors"][len(row["factors"]) // 2 :] if f is not None]
+def end(row: Row) -> float:
+    """The load factor at which the paper would stop, or of the last iterate."""
     met = met_after(row["factors"])
-    return _range(later) + ("" if met is None else f", Eq. 43 after {met}")
+    return float(row["load_factor"] if met is None else row["factors"][met - 1])
+
+
+def stopped(row: Row) -> str:
+    """What ended the iteration for the paper: its criterion, or our 60 solves, or a cycle."""
+    met, solves = met_after(row["factors"]), len(row["factors"])
+    if met is not None:
+        return f"Eq. 43 after {met}"
+    if row["status"] == "not converged":
+        return f"{solves} solves"
+    return f"{row['status']} after {solves}"
+
+
+def _ending(row: Row) -> str:
+    """Load factor at the end, and what ended it."""
+    return f"{four(end(row))}, {stopped(row)}"
 
 
 def met_after(factors: Sequence[float | None]) -> int | None:
@@ -256,27 +275,24 @@ def met_after(factors: Sequence[float | None]) -> int | None:
 
 def readings(pairs: Sequence[Pair]) -> Lines:
     """Tables 8 and 10 and the tuff wall under every reading."""
-    yield Head("scene", "reading", "second", "later", "last", "certified, cone")
+    yield Head("scene", "reading", "second", "last", "over the paper's", "stopped by", "band",
+               "certified, cone")  # fmt: skip
     for scene, (title, last, test, _) in PAPER.items():
         if last is not None:
-            yield f"**{title}**", "the paper; experiment", "", "", f"**{last}**; **{test}**", ""
+            yield (f"**{title}**", "the paper; experiment", "", f"**{last}**; **{test}**",
+                   "", "", "", "")  # fmt: skip
         for e, r in _of(pairs, "tables", scene=scene):
-            second = f"{r['factors'][1]:.4f}" if len(r["factors"]) > 1 else ""
-            last_one = f"{r['load_factor']:.4f} after {len(r['factors'])}, {r['status']}"
-            bracket = _shown(_bracket(pairs, scene, e.moments))
             yield (
-                scene if last is None else "",
-                e.moments,
-                second,
-                _range(_later(r)),
-                last_one,
-                bracket,
-            )
+                scene if last is None else "", e.moments, four(r["factors"][1]),
+                four(end(r)), "" if last is None else _percent(end(r), last), stopped(r),
+                _range(r["band"]), _shown(_bracket(pairs, scene, e.moments)),
+            )  # fmt: skip
 
 
 def spread(pairs: Sequence[Pair]) -> Lines:
     """The paper's last figures against its reading: one choice of axes, all, orders, settings."""
-    yield Head("panel", "from the third iterate on", "over the paper's last", "load factors")
+    yield Head("panel", "where the iteration ends", "over the paper's last", "load factors",
+               "of how many, by Eq. 43")  # fmt: skip
     for scene, (title, last, test, _) in PAPER.items():
         tables = _of(pairs, "tables", scene=scene)
         if last is None or test is None:
@@ -289,36 +305,42 @@ def spread(pairs: Sequence[Pair]) -> Lines:
                                if e.setting != "as it is"],
         }  # fmt: skip
         for what, rows in groups.items():
-            if factors := [f for row in rows for f in _later(row)]:
-                apart = f"{_percent(min(factors), last)} to {_percent(max(factors), last)}"
-                yield title, what, apart, _range(factors)
+            if ends := [end(row) for row in rows]:
+                apart = dict.fromkeys(_percent(each, last) for each in (min(ends), max(ends)))
+                met = sum(met_after(row["factors"]) is not None for row in rows)
+                yield title, what, " to ".join(apart), _range(ends), f"{met} of {len(rows)}"
         if bracket := _bracket(pairs, scene, "independent"):
-            ends = (_percent(end, test) for end in (bracket.lower, bracket.upper))
-            apart = f"{' to '.join(ends)} of the experiment"
-            yield title, "independent signs, certified", apart, _shown(bracket)
+            apart = " to ".join(_percent(each, test) for each in (bracket.lower, bracket.upper))
+            yield (title, "independent signs, certified", f"{apart} of the experiment",
+                   _shown(bracket), "")  # fmt: skip
 
 
 def last(pairs: Sequence[Pair]) -> Lines:
     """Tables 5, 8 and 10 and Fig. 21: last iterates of the paper's reading, and brackets."""
-    yield Head("", "the paper's last", "experiment", "cvxlimit", "s")
-    for scene, (title, published, test, took) in PAPER.items():
+    yield Head("", "the paper's last", "experiment", "cvxlimit", "stopped by", "band", "s")
+    for scene, (title, published, test, minutes) in PAPER.items():
+        took = f"{minutes:.0f} min" if minutes >= 1.0 else f"{60.0 * minutes:.0f} s"
         told = ["not in the text" if v is None else f"{v:.3f}" for v in (published, test)]
-        for _, r in _of(pairs, "tables", scene=scene, moments="paper"):
-            found = f"{_range(_later(r))}, {r['load_factor']:.4f} after {len(r['factors'])}"
-            yield title, f"{told[0]}, {took}", told[1], found, f"{r['seconds']:.0f}"
+        for e, r in _of(pairs, "tables", scene=scene):
+            if e.moments.startswith("paper"):
+                own = e.moments == "paper"
+                heads = (title, f"{told[0]}, {took}", told[1]) if own else (e.moments, "", "")
+                yield (*heads, four(end(r)), stopped(r), _range(r["band"]),
+                       f"{r['seconds']:.0f}")  # fmt: skip
         for moments in ("paper", "independent", "signed"):
             for _, r in _of(pairs, "brackets", scene=scene, moments=moments, kind="certified"):
-                yield f"certified, {moments}", "", "", _shown(_of_row(r)), f"{r['seconds']:.0f}"
+                yield (f"certified, {moments}", "", "", _shown(_of_row(r)), "", "",
+                       f"{r['seconds']:.0f}")  # fmt: skip
 
 
 def settings(pairs: Sequence[Pair]) -> Lines:
     """Where the paper's reading goes on the octagon, by epsilon, weight and solver."""
     cells: dict[str, dict[str, str]] = {}
     for e, r in _of(pairs, "settings"):
-        cells.setdefault(e.setting, {})[e.scene] = _ending(r)
-    yield Head("setting", *VARIED)
+        cells.setdefault(e.setting, {})[e.scene] = f"{_ending(r)}; {_range(r['band'])}"
+    yield Head("setting", *ORDERS)
     for setting, row in cells.items():
-        yield setting, *(row.get(scene, "-") for scene in VARIED)
+        yield setting, *(row.get(scene, "-") for scene in ORDERS)
 
 
 def brackets(pairs: Sequence[Pair]) -> Lines:
@@ -330,14 +352,14 @@ def brackets(pairs: Sequence[Pair]) -> Lines:
     iterations = {(e.scene, e.moments): r for e, r in _of(pairs, "brackets", kind="fixed-point")}
     for e, r in _of(pairs, "brackets", kind="certified"):
         other, bracket = iterations.get((e.scene, e.moments)), _of_row(r)
-        end = None if other is None else other["load_factor"]
-        if e.scene in WALLS or agree(end, bracket):
+        ended = None if other is None else end(other)
+        if e.scene in WALLS or agree(ended, bracket):
             continue
         yield (
             e.scene, e.moments, _shown(bracket),
             "-" if bracket is None else f"{100.0 * bracket.width:.2g} %", f"{r['seconds']:.1f}",
             f"{r['seconds'] / first[e.scene]:.0f}" if first.get(e.scene) else "-",
-            "-" if other is None else _ending(other), beside(end, bracket),
+            "-" if other is None else _ending(other), beside(ended, bracket),
         )  # fmt: skip
 
 
@@ -363,7 +385,7 @@ def summary(pairs: Sequence[Pair]) -> Lines:
     scenes."""
     yield Head("reading", "scenes", "brackets", "median width", "widest", "within 1 %",
                "iterations that end inside")  # fmt: skip
-    ends = {(e.scene, e.moments): r["load_factor"]
+    ends = {(e.scene, e.moments): end(r)
             for e, r in _of(pairs, "brackets", kind="fixed-point")}  # fmt: skip
     for moments in CONVENTIONS:
         every = _of(pairs, "brackets", moments=moments, kind="certified")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +15,12 @@ from matplotlib.lines import Line2D
 from benchmarks.charts import few_ticks, figure_of, name_lines, save, top_legend
 from benchmarks.experiment import Head, Lines, Part, experiment
 from benchmarks.gilbert import Gilbert
-from cvxlimit import Scene, Solution, builtin_scene, solve
-from cvxlimit.extensions.compare.models import Method, Model, Row
-from cvxlimit.extensions.compare.registry import registry
+from benchmarks.registry import registry
+from cvxlimit import Solution, builtin_scene, solve
 from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
+from cvxlimit.extensions.studies.models import Model, Row
 from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.methods import driver
 from cvxlimit.methods.exact_friction import ExactFriction
 from cvxlimit.surfaces.exact_torsion import Edges, limit_states
 
@@ -112,22 +111,6 @@ def curves(folder: Path) -> Lines:
     yield save(figure, folder / "torsion-shear.png")
 
 
-@dataclass(frozen=True)
-class Without(Method):
-    """A method without dilatancy."""
-
-    name: str
-    line: str
-    rule: driver.Method = field(default_factory=Gilbert)
-
-    def measure(self, scene: Scene) -> Row:
-        """See :class:`Method`."""
-        start = time.perf_counter()
-        found = solve(scene, method=self.rule)
-        seconds = time.perf_counter() - start
-        return Row(status=str(found.status), load_factor=found.load_factor, total=seconds)
-
-
 def by_size(most: int) -> list[str]:
     """Built-in scenes up to so many contacts, beyond which slow models take minutes each."""
     sizes = {name: len(builtin_scene(name).contacts) for name in BUILTIN}
@@ -136,10 +119,10 @@ def by_size(most: int) -> list[str]:
 
 def measured(folder: Path) -> Lines:
     """All models on all built-in scenes."""
-    models = {**registry(), "gilbert": Without("gilbert", "Gilbert's scheme")}
+    models = {**registry(), "gilbert": Model("gilbert", "Gilbert's scheme", method=Gilbert())}
     # Zero dilatancy to 1e-4 within a budget: its lowest member, without a search further down.
     few = ZeroDilatancy(tolerance=1e-4, searches=1, budget=120)
-    models["zero-dilatancy"] = Without("zero-dilatancy", "zero dilatancy", rule=few)
+    models["zero-dilatancy"] = Model("zero-dilatancy", "zero dilatancy", method=few)
     models["exact"] = Model("exact", "exact", method="exact", tolerance=EXACT)
     result: dict[str, dict[str, Row]] = {}
     yield Head("scene", *CHARTED)

@@ -1,6 +1,6 @@
 """Time against true error: many methods on a scene, every run in a process of its own.
 
-Methods are those of :mod:`cvxlimit.extensions.compare.registry`, and what a user would write
+Methods are those of :mod:`benchmarks.registry`, and what a user would write
 without the package (:mod:`benchmarks.baselines`).
 """
 
@@ -14,11 +14,11 @@ from benchmarks.baselines import baselines
 from benchmarks.charts import save, time_against_error
 from benchmarks.experiment import Head, Lines, Part, experiment
 from benchmarks.machine import environment
+from benchmarks.registry import choose, registry
 from benchmarks.runs import Limits, run_apart
 from benchmarks.scenes import scene_of
-from cvxlimit.extensions.compare.comparison import side_by_side
-from cvxlimit.extensions.compare.models import Row
-from cvxlimit.extensions.compare.registry import choose, registry
+from cvxlimit.extensions.studies.comparison import side_by_side
+from cvxlimit.extensions.studies.models import Row
 
 REFERENCE_SECONDS = 1200.0
 """For a reference, without which there are no errors."""
@@ -42,7 +42,7 @@ def suite(
     chosen = choose(methods or PLAIN, [*registry().values(), *baselines().values()])
     run = partial(run_apart, limits=Limits(limit, memory))
     refer = partial(run_apart, limits=Limits(max(limit, REFERENCE_SECONDS), memory))
-    rows = side_by_side(chosen, scene_of(scene), repeat, run=run, refer=refer)
+    rows = side_by_side(chosen, scene_of(scene), repeat, run=run, refer=refer).rows
     yield Head("contacts", "method", "s", "error", "MB", "status")
     for row in rows:
         yield f"{row.contacts:,}", row.method, *cells(row)

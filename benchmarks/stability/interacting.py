@@ -15,7 +15,7 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.fixed_point import FixedPoint
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.proof.slater import Witnesses
+from cvxlimit.proof.references import References
 from cvxlimit.proof.strength import Strength
 from cvxlimit.scene import Scene
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
@@ -141,7 +141,7 @@ def found_states(scene: Scene, moments: str) -> Iterator[State]:
     if not scene.contacts.is_rectangle.all():
         return
     assemblage = Assemblage.of(scene)
-    rest = Witnesses(assemblage, Strength(assemblage, DEFAULT_SURFACES)).dead_state
+    rest = References(assemblage, Strength(assemblage, DEFAULT_SURFACES)).dead_state
     if rest is None:
         return
     for weight in WEIGHTS:
@@ -149,9 +149,10 @@ def found_states(scene: Scene, moments: str) -> Iterator[State]:
             found = solve(scene, method=FixedPoint(weight, max_iterations=12), moments=moments)
         except CvxlimitError:
             continue
-        if found.forces is None or found.load_factor is None:
+        factor = found.history[-1].load_factor  # of the last forces, converged or not
+        if found.forces is None or factor is None:
             continue
-        state = State(found.load_factor, found.forces)
+        state = State(factor, found.forces)
         for share in np.linspace(1.0, 0.05, 40):
             nearly = state.mixed(float(share), rest, assemblage)
             if nearly.excess(assemblage, moments) <= NEARLY:

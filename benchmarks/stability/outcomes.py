@@ -155,7 +155,7 @@ def _unproved(scene: Scene, none: str, solution: Solution) -> str:
     if solution.forces is None:
         return "no forces that carry the live load"
     rest = np.abs(statics.statics.residual(solution.forces, 1.0)).max()
-    over = max(float(y.max()) for y in statics.strength.excess(solution.forces))
+    over = float(statics.strength.excess(solution.forces).max())
     size = float(np.abs(solution.forces).max())
     good = rest <= 1e-9 * size and over <= 1e-9 * size
     return "" if good else "its forces do not carry the live load alone"

@@ -15,7 +15,7 @@ import lazy_loader
 
 from cvxlimit.base.doors import offer
 from cvxlimit.base.versions import __version__ as __version__
-from cvxlimit.extensions import tables
+from cvxlimit.extensions import check_here, tables
 from cvxlimit.offered import OFFERED
 
 for _table in (OFFERED, *tables()):
@@ -28,7 +28,11 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         reason = f"module 'cvxlimit' has no attribute {name!r}"
         raise AttributeError(reason, name=name, obj=sys.modules[__name__])  # did you mean ...?
-    return _found(name)
+    try:
+        return _found(name)
+    except ModuleNotFoundError as error:  # of an extension that is not here, or of a library
+        check_here(str(error.name).removeprefix("cvxlimit.extensions."), f"cvxlimit.{name}")
+        raise
 
 
 def __dir__() -> list[str]:

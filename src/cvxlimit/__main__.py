@@ -21,10 +21,12 @@ def main() -> NoReturn:
         signal.signal(signal.SIGINT, _stop)
     from cvxlimit.cli.main import main as run
 
-    try:
+    def raise_again() -> None:
         if is_ours:
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        run()
+
+    try:
+        run(raise_again)
     except KeyboardInterrupt:
         _stop()
 

@@ -1,18 +1,8 @@
-"""Speed against accuracy: methods side by side on one scene, errors against a reference, a chart.
+"""Speed against accuracy: models side by side on one scene, errors against a reference, a chart."""
 
-To add a method, write a line into :mod:`cvxlimit.extensions.compare.registry`.
-"""
-
-from cvxlimit.extensions.compare.comparison import DEFAULT_MODELS, Comparison, compare
-from cvxlimit.extensions.compare.models import Model
-from cvxlimit.extensions.compare.registry import registry
+from cvxlimit.extensions import studies as _extension  # noqa: F401 - which is told if missing
+from cvxlimit.extensions.studies.comparison import DEFAULT_MODELS, Comparison, compare
+from cvxlimit.extensions.studies.models import Model
 from cvxlimit.solvers import settings_for
 
-__all__ = [
-    "DEFAULT_MODELS",
-    "Comparison",
-    "Model",
-    "compare",
-    "registry",
-    "settings_for",
-]
+__all__ = ["DEFAULT_MODELS", "Comparison", "Model", "compare", "settings_for"]

@@ -5,8 +5,10 @@ Messages are one sentence that names the object, shows the value and suggests th
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class CvxlimitError(Exception):
@@ -35,12 +37,42 @@ class GeometryError(InputError):
 
     def __init__(self, message: str, points: ArrayLike = (), blocks: tuple[str, ...] = ()) -> None:
         super().__init__(message)
+        import numpy as np  # 0.1 s that --help can do without
+
         self.points = np.asarray(points, dtype=float).reshape(-1, 3)
         self.blocks = blocks
 
 
 class ModelError(CvxlimitError, ValueError):
     """The choice of surfaces, facets, formulation or method is not valid."""
+
+
+class MissingExtension(ModelError, ModuleNotFoundError):  # noqa: N818 - the name says it
+    """What is asked for is of an extension that is not part of this installation.
+
+    Attributes
+    ----------
+    extension : str
+        Its folder below ``cvxlimit/extensions``.
+    """
+
+    def __init__(self, message: str, extension: str = "") -> None:
+        super().__init__(message)
+        self.extension = extension
+
+    @classmethod
+    def of(cls, what: str, extension: str) -> MissingExtension:
+        """That ``what`` is of the ``extension``, and how that is installed.
+
+        >>> print(MissingExtension.of("method 'certified'", "interaction"))
+        method 'certified' is of extension 'interaction', which is not part of this installation: \
+pip install --force-reinstall cvxlimit brings it
+        """
+        return cls(
+            f"{what} is of extension {extension!r}, which is not part of this installation: pip "
+            "install --force-reinstall cvxlimit brings it",
+            extension,
+        )
 
 
 class NoAnswerError(ModelError):

@@ -31,13 +31,6 @@ OFFERED: Offered = {
     "cvxlimit.proofs": {
         "cvxlimit-result": "cvxlimit.proving.solutions:prove_result",
     },
-    "cvxlimit.loads": {
-        "earth_pressure": "cvxlimit.scene.surroundings:earth_pressure",
-        "fill": "cvxlimit.scene.surroundings:fill",
-        "hydrostatic": "cvxlimit.scene.surroundings:hydrostatic",
-        "uplift": "cvxlimit.scene.surroundings:uplift",
-        "wheel": "cvxlimit.scene.surroundings:wheel",
-    },
     "cvxlimit.readings": {
         "scene_html": "cvxlimit.plotting.notebook:scene_html",
         "scene_figure": "cvxlimit.plotting:scene_figure",
@@ -49,6 +42,7 @@ OFFERED: Offered = {
         "solution_sensitivity": "cvxlimit.results.sensitivity:sensitivity",
         "solution_report": "cvxlimit.plotting.reports:solution_report",
         "solution_problem": "cvxlimit.problem.problem:problem_of",
+        "problem_table": "cvxlimit.results.tables:problem_table",
         "sensitivity_table": "cvxlimit.results.tables:sensitivity_table",
     },
 }

@@ -91,5 +91,5 @@ def test_names_of_this_package_ask_nobody_else(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_what_is_not_here_is_refused_by_name() -> None:
-    with pytest.raises(ModelError, match="sweeps are not part of this installation: nothing"):
-        Door("cvxlimit.readings").needed("nothing_like_it", "sweeps are")
+    with pytest.raises(ModelError, match="sweeping is not part of this installation: noth"):
+        Door("cvxlimit.readings").needed("nothing_like_it", "sweeping")

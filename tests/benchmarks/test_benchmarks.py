@@ -9,16 +9,17 @@ import pytest
 from benchmarks.__main__ import main
 from benchmarks.baselines import baselines, edges, octagon_rows, program
 from benchmarks.baselines import torsion_arms as printed_torsion_arms
+from benchmarks.evidence import parts
 from benchmarks.experiment import marked
 from benchmarks.experiments import headline
 from benchmarks.experiments.dome import least_thickness
+from benchmarks.registry import registry
 from benchmarks.scenes import NUMBERED, scene_of
 
 from cvxlimit import builtin_scene
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.compare.comparison import row_of
-from cvxlimit.extensions.compare.models import Row
-from cvxlimit.extensions.compare.registry import registry
+from cvxlimit.extensions.studies.comparison import row_of
+from cvxlimit.extensions.studies.models import Row
 from cvxlimit.masonry import arch
 from cvxlimit.model.statics import Statics
 
@@ -123,6 +124,24 @@ def test_nothing_runs_unasked(capsys):
     """All of it takes hours: it has to be named."""
     assert main([]) == 2
     assert "measure every figure" in " ".join(capsys.readouterr().out.split())
+
+
+WRITING = [p for p in parts() if "--docs" in p.arguments or "--picture" in p.arguments]
+
+
+@pytest.mark.parametrize("part", WRITING, ids=lambda part: part.name)
+def test_a_part_that_cannot_write_is_refused_before_it_measures(part, capsys):
+    option = "--docs" if "--docs" in part.arguments else "--picture"
+    with pytest.raises(SystemExit):
+        main(["run", part.experiment, option, "missing/one" + ".png" * (option == "--picture")])
+    said = capsys.readouterr().err
+    assert "there is no folder 'missing" in said
+    assert said.rstrip().endswith("create it first")
+
+
+def test_rows_that_are_not_there_are_not_printed(tmp_path):
+    with pytest.raises(SystemExit, match="no rows kept in"):
+        main(["run", "closing", "--kept", str(tmp_path / "none.jsonl")])
 
 
 def test_interrupting_says_what_is_kept(capsys, monkeypatch):

@@ -32,7 +32,7 @@ MADE = {"bench.md", "interaction.md", "paper.md"}
 """Pages whose figures others hold: the open bench, whose command writes its tables, and published
 values recomputed by ``tests/whole/test_published.py``."""
 
-COMMAND = re.compile(r"\.venv/bin/python -m benchmarks run (.*)")
+COMMAND = re.compile(r"python -m benchmarks(?! (?:bench|list|all)\b)([^`\n]*)")
 
 CODE = re.compile(r"<!-- record .*?<!-- /record -->|```.*?```|`[^`]*`|\$[^$]*\$", re.S)
 """What is no prose."""
@@ -48,6 +48,8 @@ FROM_TESTS = {
     "1.85": "torsion with all friction at the corners, tests/whole/test_users_code.py",
     "0.38260": "c_T of a unit square, (sqrt(2) + asinh(1)) / 6",
     "1.0464 0.5107": "Newmark's slips in m, tests/extensions/dynamics/test_shaking.py",
+    "0.568 1.542 0.306 0.0754 0.0114 0.0144 0.056": "slips to and fro under a sine; "
+    "tests/extensions/dynamics/test_shaking.py",
     "1.0643": "Housner's fourth impact in s, tests/extensions/dynamics/test_shaking.py",
     "0.475 0.480 0.485 9.81": "what topples a slender block, in g; "
     "tests/extensions/dynamics/test_shaking.py",
@@ -61,15 +63,19 @@ RECORD = Record(
 
 
 def commands() -> list[str]:
-    """What pages ask experiments, continued lines joined."""
+    """What pages and notebooks ask experiments, continued lines joined."""
     pages = [DOCS.parent / "CONTRIBUTING.md", *PAGES]
-    texts = (page.read_text("utf-8").replace("\\\n", " ") for page in pages)
+    texts = [page.read_text("utf-8").replace("\\\n", " ") for page in pages]
+    for notebook in (DOCS.parent / "notebooks").glob("*.ipynb"):
+        cells = json.loads(notebook.read_text("utf-8"))["cells"]
+        texts += ["".join(cell["source"]) for cell in cells]
     return sorted({line for text in texts for line in COMMAND.findall(text)})
 
 
 @pytest.mark.parametrize("line", commands())
 def test_options_that_pages_name_exist(line: str) -> None:
-    words = shlex.split(line.split("`")[0], comments=True)
+    run, *words = shlex.split(line, comments=True)
+    assert run == "run"
     experiments()[words[0]].parser().parse_args(words[1:])
 
 

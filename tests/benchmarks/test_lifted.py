@@ -15,9 +15,9 @@ from benchmarks.lifted import (
 
 from cvxlimit import Load, Scene, ZeroDilatancy, builtin_scene, solve
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.dilatancy.least_thrust import lower_bound
 from cvxlimit.masonry import running_bond, wall
 from cvxlimit.methods.driver import Run
+from cvxlimit.methods.least_thrust import lower_bound
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution import Member

@@ -260,6 +260,7 @@ def test_friction_next_to_none_is_certified() -> None:
     assert_certified(solve((made := sample("frictions", 100)).scene), made.scene)
 
 
+@pytest.mark.exhaustive
 def test_one_gripping_joint_does_not_cost_the_others_their_precision() -> None:
     """Rounding is allowed for contact by contact: with the largest friction of all everywhere the
     bracket was 0.05 wide. 1e-3 tells that apart; whether it closes to 1e-5 depends on how a solver

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from cvxlimit import FixedPoint, Solution, solve
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.proof.slater import Witnesses
+from cvxlimit.proof.references import References
 from cvxlimit.proof.strength import Strength
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
@@ -45,7 +45,7 @@ class Arch:
 def arch() -> Arch:
     scene = sample("thin-arches", 3).scene
     assemblage = Assemblage.of(scene)
-    rest = Witnesses(assemblage, Strength(assemblage, DEFAULT_SURFACES)).dead_state
+    rest = References(assemblage, Strength(assemblage, DEFAULT_SURFACES)).dead_state
     assert rest is not None
     method = FixedPoint(0.8, max_iterations=12, moments="signed")
     found = solve(scene, method=method, ladder=[settings_for("CLARABEL", 1e-9)])

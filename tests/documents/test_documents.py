@@ -26,7 +26,7 @@ README, CONTRIBUTING, ADDITIONS, SYMBOLS, CHANGELOG = (
     )
 )
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-SEAMS = ("surface", "scene", "file format", "solver", "formulation", "outer loop")
+SEAMS = ("surface", "cone", "scene", "file format", "solver", "formulation", "outer loop")
 ANOTHER = ROOT / "tests" / "kit" / "another"
 
 

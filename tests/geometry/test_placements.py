@@ -219,7 +219,9 @@ def test_a_hull_that_leaves_out_a_corner_is_refused() -> None:
     brick = Block.box("b", (0.5, -0.3, 0.0), (1.7, 1.6, 1.0), 20.0)
     contacts = detect_contacts([shaped("L"), brick])
     kept = np.arange(len(contacts.corner_xy)) != 2
-    with pytest.raises(GeometryError, match="'below-b': the hull of its corners leaves out"):
+    with pytest.raises(
+        GeometryError, match="'below-b': faces as rough as these leave it no outline"
+    ):
         replace(
             contacts,
             corner_xy=contacts.corner_xy[kept],

@@ -163,10 +163,16 @@ class TestRepairs:
     def test_vertices_without_a_face_and_faces_without_area(self) -> None:
         points = np.vstack([CUBE.vertices, [(0.5, 0.5, 0.5), (0.5, 0.0, 0.0)]])
         faces = [*CUBE.faces, (0, 1, 9), (3, 3, 2)]
-        with pytest.raises(InputError, match=r"face 7 of block 'b' needs at least three different"):
-            solid("b", points, faces)
-        block = solid("b", points, faces[:-1])
-        assert kinds(block) == {"degenerate": 1, "unused": 2}
+        block = solid("b", points, faces)
+        assert kinds(block) == {"degenerate": 2, "unused": 2}
+        with pytest.raises(InputError, match=r"face 6 of block 'b' needs at least three different"):
+            solid("b", points, [*CUBE.faces, (0, 1, 0, 2)])
+
+    def test_a_body_written_twice_has_its_volume_once(self) -> None:
+        """Each copy is closed and convex by itself, corners apart."""
+        twice = [*CUBE.faces, *(tuple(8 + i for i in face) for face in CUBE.faces)]
+        block = solid("b", np.vstack([CUBE.vertices, CUBE.vertices]), twice)
+        assert (block.volume, kinds(block)) == (pytest.approx(1.0), {"welded": 8, "doubled": 6})
 
     def test_a_vertex_in_the_middle_of_another_faces_edge(self) -> None:
         points = np.vstack([CUBE.vertices, [(0.5, 0.0, 0.0)]])

@@ -43,8 +43,17 @@ from cvxlimit.io import (
 )
 from cvxlimit.io.fields import laid_out
 from cvxlimit.masonry import BUILTIN
-from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Search
-from cvxlimit.solution.bracket import Bracket, Reference
+from cvxlimit.solution import (
+    FromRest,
+    Iterate,
+    Iteration,
+    LowerEnd,
+    Member,
+    Search,
+    Step,
+    Trial,
+)
+from cvxlimit.solution.bracket import Bracket, Evidence, Reference
 from cvxlimit.solution.kinematics import Dilatancy
 from malformed_scenes import GOLDEN
 
@@ -118,13 +127,13 @@ def same(a: Any, b: Any) -> bool:
     if isinstance(
         a,
         Block | Load | Tie | Reaction | PointForce | Pressure | GrowingAcceleration
-        | SupportMotion | Reference,
+        | SupportMotion | Reference | Evidence,
     ):  # fmt: skip
         return type(a) is type(b) and all(
             same(getattr(a, each.name), getattr(b, each.name)) for each in fields(a)
         )
     if isinstance(a, Mapping):
-        return isinstance(b, Mapping) and dict(a) == dict(b)
+        return isinstance(b, Mapping) and a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
     if isinstance(a, tuple):
         return isinstance(b, tuple) and len(a) == len(b) and all(map(same, a, b))
     return bool(a == b)
@@ -227,10 +236,20 @@ SOLUTION = {
         Reference(0.11, np.ones((1, 6))),
     ),
     "reference": Reference(0.16, np.arange(4.0), np.arange(12.0).reshape(2, 6)),
+    "beside": {
+        "points": Evidence(
+            0.2, np.ones((1, 6)), np.arange(12.0).reshape(2, 6), np.arange(5.0),
+            Reference(0.2, np.arange(5.0)), np.array([2]), np.array([0]), 0.3,
+        )
+    },
     "dilatancy": Dilatancy(0.5, ("a-b",), 2), "model": ("planar",), "quantity": "reaction",
     "contact_names": ("a-b",), "units": Units("cm", "N"), "internal": np.arange(3.0),
     "scene_digest": "ab12", "tolerance": 0.02,
     "lumped": Lumped(8, 2, 0.02, 0.5, "a-b", 0.01, 0.5),
+    "from_rest": FromRest(
+        "level", 0.21, None, (Step(0.5, 0.1, 1, 2, 1e-12, 0.0, 1e-9),),
+        (Trial("ratio 1", None, "lost"),), 3.0, (Trial("seed 0", 0.2, "level"),),
+    ),
 }  # fmt: skip
 NOT_IN_FILES = {"solved_scene", "surfaces"}
 """Of a solution: they live in memory and pickles only; files have their names."""

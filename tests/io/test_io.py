@@ -19,6 +19,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from cvxlimit.base.lines import one_line
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.io import (
@@ -31,7 +32,7 @@ from cvxlimit.io import (
     write_result,
     write_scene,
 )
-from cvxlimit.io.fields import laid_out, one_line
+from cvxlimit.io.fields import laid_out
 from cvxlimit.scene import Load, Scene, Units
 from cvxlimit.solution import Iterate, Solution, Status
 from cvxlimit.solution.bracket import Bracket

@@ -168,6 +168,10 @@ BROKEN: dict[str, tuple[str, str | bytes, str]] = {
     "stl-text-then-binary": ("a.stl", text_stl().encode() + b"\0" * 99, "goes on with binary"),
     "ply-claims-more": ("a.ply", ply(vertices=2_000_000_000), "a.ply: "),
     "ply-wrong-index": ("a.ply", ply(last="3 0 1 99"), "a.ply"),
+    "ply-strips": (
+        "a.ply", ply().replace("element face 12", "element tristrips 1\nelement face 12"),
+        "a.ply: its faces are triangle strips",
+    ),
     "ply-no-header": ("a.ply", "0 0 0\n1 0 0\n", "a.ply: cannot be read as PLY"),
     # glTF
     "glb-magic": ("a.glb", b"FTlg" + b"\0" * 40, "a.glb: the file does not begin like a GLB"),
@@ -185,7 +189,7 @@ BROKEN: dict[str, tuple[str, str | bytes, str]] = {
     "glb-wrong-view": (
         "a.glb",
         glb(gltf(bufferViews=[{"buffer": 0, "byteOffset": 0, "byteLength": 10}])),
-        "a.glb: cannot be read as GLB",
+        "a.glb: accessor 0 reaches beyond the bytes that the file has",
     ),
     "gltf-outside": (
         "a.gltf", json.dumps(gltf(buffers=[{"byteLength": 240, "uri": "../../etc/passwd"}])),
@@ -229,7 +233,17 @@ BROKEN: dict[str, tuple[str, str | bytes, str]] = {
     "table-support": ("a.csv", TABLE + "brick,0,0,0,1,1,1,,maybe\n", "support of block 'brick'"),
     "table-no-id": ("a.csv", TABLE + ",0,0,0,1,1,1,,\n", "a.csv: line 3 has no id"),
     # files
-    "unknown-suffix": ("a.dwg", "?", "a.dwg: cannot tell the format from '.dwg'"),
+    "unknown-suffix": ("a.xyz", "?", "a.xyz: cannot tell the format from '.xyz'"),
+    "unread-dwg": ("a.dwg", "?", "a.dwg: .dwg files are not read: in the drawing program, save as"),
+    "unread-rhino": ("a.3DM", "?", "a.3DM: .3dm files are not read: in Rhino"),
+    # 3DEC
+    "3dec-cut": ("a.dat", "poly brick 0 1 0 1 0 1\njset dip 30 dd 90\n", "line 2: 'jset dip 30"),
+    "3dec-computed": ("a.dat", "def walls\npoly brick @x 1 0 1 0 1\nend\n", "line 1: 'def walls'"),
+    "3dec-four-numbers": ("a.dat", "block create brick 0 1 0 1\n", "a brick must have six"),
+    "3dec-prism": ("a.dat", "poly prism a 0 0 0 1 0 0 0 1 0 b 0 0 1 1 0 1\n", "three or more"),
+    "3dec-word": ("a.dat", "poly drum 0 0 0 1\n", "line 1: 'drum' of a block is not known here"),
+    "3dec-unended": ("a.dat", "poly brick 0 1 &\n", "the file is cut off"),
+    "3dec-empty": ("a.dat", "gravity 0 0 -10\n", "a.dat: the file holds no faces"),
     "empty-json": ("a.json", "", "a.json: the file is empty"),
 }  # fmt: skip
 
@@ -246,6 +260,7 @@ GEOMETRIES = {
     "a.obj": obj().encode(),
     "a.ply": ply().encode(),
     "a.stl": binary_stl(),
+    "a.glb": glb(gltf()),
     "b.stl": text_stl().encode(),
     "a.json": assembly().encode(),
     "a.csv": (TABLE + "brick,0,0,0,1,1,1,20,\n").encode(),

@@ -93,6 +93,66 @@ def stl(meshes: list[Mesh], shift: tuple[float, ...] = (0.0, 0.0, 0.0)) -> bytes
     return b"\0" * 80 + struct.pack("<I", len(rows)) + b"".join(rows)
 
 
+def ply(meshes: list[Mesh]) -> bytes:
+    """Text, in double precision."""
+    points, faces = joined(meshes)
+    head = ["ply", "format ascii 1.0", f"element vertex {len(points)}",
+            *(f"property double {x}" for x in "xyz"), f"element face {len(faces)}",
+            "property list uchar int vertex_indices", "end_header"]  # fmt: skip
+    rows = [" ".join(f"{x:.12g}" for x in p) for p in points.tolist()]
+    return "\n".join([*head, *rows, *(f"{len(f)} {' '.join(map(str, f))}" for f in faces)]).encode()
+
+
+def off(meshes: list[Mesh]) -> bytes:
+    points, faces = joined(meshes)
+    rows = [" ".join(f"{x:.12g}" for x in p) for p in points.tolist()]
+    rows += [f"{len(f)} {' '.join(map(str, f))}" for f in faces]
+    return "\n".join([f"OFF\n{len(points)} {len(faces)} 0", *rows]).encode()
+
+
+def joined(meshes: list[Mesh]) -> tuple[np.ndarray, list[tuple[int, ...]]]:
+    """All corners and faces as one mesh."""
+    before = np.cumsum([0, *(len(points) for _, points, _ in meshes)]).tolist()
+    faces = [
+        tuple(before[k] + i for i in face) for k, (*_, own) in enumerate(meshes) for face in own
+    ]
+    return np.concatenate([points for _, points, _ in meshes]), faces
+
+
+def threedec(meshes: list[Mesh]) -> bytes:
+    """Blocks by their faces, one command over several lines each."""
+    lines = list[str]()
+    for name, points, faces in meshes:
+        own = ["face " + " ".join("({:.12g},{:.12g},{:.12g})".format(*points[i]) for i in f)
+               for f in faces]  # fmt: skip
+        lines.append(" &\n".join([f"poly group '{name}'", *own]) + "  ; a stone")
+    return "\n".join([*lines, "gravity 0 0 -9.81"]).encode()
+
+
+def drawing(meshes: list[Mesh]) -> bytes:
+    """3D faces, those of a stone on a layer of its own."""
+    rows = ["0", "SECTION", "2", "ENTITIES"]
+    for name, points, faces in meshes:
+        triangles = [(f[0], f[k], f[k + 1]) for f in faces for k in range(1, len(f) - 1)]
+        for a, b, c in triangles:
+            rows += ["0", "3DFACE", "8", name]
+            for k, i in enumerate((a, b, c, c)):
+                for axis, x in enumerate(points[i].tolist()):
+                    rows += [str(10 * (axis + 1) + k), repr(x)]
+    return "\n".join([*rows, "0", "ENDSEC", "0", "EOF", ""]).encode()
+
+
+def assembly(meshes: list[Mesh]) -> bytes:
+    return json.dumps([compas(mesh) for mesh in meshes]).encode()
+
+
+FORMS: dict[str, Callable[[list[Mesh]], bytes]] = {
+    "a.obj": obj, "a.stl": stl, "a.ply": ply, "a.off": off, "a.dat": threedec, "a.dxf": drawing,
+    "a.json": assembly,
+}  # fmt: skip
+"""How the same meshes are written; glTF has files of its own (``gltf_files.py``)."""
+
+
 def compas(mesh: Mesh) -> dict[str, Any]:
     _, points, faces = mesh
     data = {
@@ -216,6 +276,97 @@ def map_coordinates(made: Tower, rng: np.random.Generator) -> Case:
         return Case("a.obj", obj(meshes, 15), made.factor)
     words = ("numbers cannot tell its blocks apart: along [xy]",)
     return Case("a.stl", stl(made.meshes, tuple(shift)), None, words=words, told=True)
+
+
+def no_area(made: Tower, rng: np.random.Generator) -> list[Mesh]:
+    """Triangles of two corners, or of three on a line."""
+    meshes = list(made.meshes)
+    k = int(rng.integers(len(meshes)))
+    name, points, faces = meshes[k]
+    if rng.random() < 0.5:
+        i, j = rng.permutation(len(points))[:2].tolist()
+        meshes[k] = (name, points, [*faces, (i, i, j)])
+    else:
+        a, b = faces[0][:2]
+        points = np.vstack([points, 0.5 * (points[a] + points[b])])
+        meshes[k] = (name, points, [*faces, (a, b, len(points) - 1)])
+    return meshes
+
+
+def tiny_edge(made: Tower, rng: np.random.Generator) -> list[Mesh]:
+    """A corner becomes two, a hair apart; faces about it have one, the other or both."""
+    meshes = list(made.meshes)
+    k = int(rng.integers(len(meshes)))
+    name, points, faces = meshes[k]
+    i = int(rng.integers(len(points)))
+    first = next(f for f in faces if i in f)
+    beside = first[first.index(i) - 1]
+    hair = float(10.0 ** rng.uniform(-9, -7)) * float(np.ptp(points, axis=0).min())
+    along = points[beside] - points[i]
+    new = len(points)
+    points = np.vstack([points, points[i] + hair * along / np.linalg.norm(along)])
+    cut = []
+    for f in faces:
+        at = f.index(i) if i in f else -1
+        if at < 0:
+            cut.append(f)
+        elif f[at - 1] == beside:
+            cut.append((*f[:at], new, *f[at:]))
+        elif f[(at + 1) % len(f)] == beside:
+            cut.append((*f[: at + 1], new, *f[at + 1 :]))
+        else:
+            cut.append(f)
+    meshes[k] = (name, points, cut)
+    return meshes
+
+
+def copied(made: Tower, rng: np.random.Generator) -> list[Mesh]:
+    """The same stone once more, with corners of its own."""
+    _, points, faces = made.meshes[int(rng.integers(1, len(made.meshes)))]
+    return [*made.meshes, ("again", points.copy(), list(faces))]
+
+
+def layer(made: Tower, rng: np.random.Generator) -> list[Mesh]:
+    """All stones once more: a layer that was left on."""
+    return [*made.meshes, *((f"{name} copy", points, faces) for name, points, faces in made.meshes)]
+
+
+def turned_faces(made: Tower, rng: np.random.Generator) -> list[Mesh]:
+    return [
+        (name, points, [f[::-1] if rng.random() < 0.5 else f for f in faces])
+        for name, points, faces in made.meshes
+    ]
+
+
+def rough(made: Tower, rng: np.random.Generator) -> list[Mesh]:
+    """A millimetre of noise, or less, on stones of some decimetres, in whole faces or triangles."""
+    size = float(rng.choice([3e-4, 8e-4, 1e-3]))
+    meshes = [
+        (name, points + (name != "slab") * rng.uniform(-size, size, points.shape), faces)
+        for name, points, faces in made.meshes
+    ]
+    if rng.random() < 0.5:
+        meshes = [
+            (name, points, [(f[0], f[k], f[k + 1]) for f in faces for k in (1, 2)])
+            for name, points, faces in meshes
+        ]
+    return meshes
+
+
+def unlike(made: Tower, rng: np.random.Generator) -> list[Mesh]:
+    return [(name, *remeshed(points, faces, rng)) for name, points, faces in made.meshes]
+
+
+MESH_FLAWS: dict[str, Callable[[Tower, np.random.Generator], list[Mesh]]] = {
+    flaw.__name__: flaw for flaw in (no_area, tiny_edge, copied, layer, turned_faces, rough, unlike)
+}
+"""Flaws of meshes, whatever the format."""
+
+
+def near_of(flaw: str, name: str, made: Tower) -> float:
+    """How far an answer may be off: noise moves the toe by as much as itself, and single precision
+    corners by a ten-millionth."""
+    return 8e-3 / made.width if flaw == "rough" else (1e-5 if name == "a.stl" else 1e-6)
 
 
 FLAWS: dict[str, Callable[[Tower, np.random.Generator], Case]] = {

@@ -13,8 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cvxlimit.model.flow import FlowRule
+from cvxlimit.model.sinks import Constraints
 from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.proof.flow import FlowRule
 from cvxlimit.scene import Scene
 from cvxlimit.solvers import LimitState, SolverSettings, default_ladder, run
 from cvxlimit.surfaces.base import YieldSurface
@@ -42,8 +43,9 @@ class KinematicProblem:
         # Twists in radians and constants as forces: both in the user's units.
         scaled = {"n": openings, **rates, "MT": rates["MT"] / self.scaling.length}
         rule = FlowRule(needed_surfaces(surfaces), scene.contacts)
-        flow = rule.symbolic(cp.hstack([scaled[part.name] for part in rule.model.parts]))
-        constraints = [statics.live @ self.rates == 1.0, *flow.limits]
+        each = cp.hstack([scaled[part.name] for part in rule.model.parts])
+        flow = rule.stated(into := Constraints(), each)
+        constraints = [statics.live @ self.rates == 1.0, *into.all]
         lost = flow.dissipation / self.scaling.force
         self.problem = cp.Problem(cp.Minimize(lost - statics.dead @ self.rates), constraints)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -225,7 +226,7 @@ class TestLoads:
             scene = replace(scene, reactions=passive(scene, level, sizes["fill"], coefficient))
         at = 0.25 * arch.span
         points = Road(scene, level).load(at, 1.0, 0.6, spread=0.0).points
-        solution = solve(scene.with_live(Load(points=points)))
+        solution = solve(scene.with_live(Load(points=points)), model="least")
         assert_certified(solution)
         assert "planar" in solution.model
         # strips at the patch's ends are loaded in their middle, a sixth of a voussoir long
@@ -314,6 +315,24 @@ class TestVehicles:
         table = found.to_dataframe()
         assert table["load_factor"].min() == worst
         assert "least load factor" in str(found)
+
+    @pytest.mark.parametrize("progress", [True, False, None, "lines"])
+    def test_one_axle_is_solved_once_at_a_place(
+        self, progress: Any, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """Whichever way it goes; two axles are other loads, where they are not each other's."""
+        scene = bridge(Arch(3.0, 0.75, voussoirs=12), thickness=0.2, width=1.0, cover=0.2)
+        lines = list[str]()
+        told = lines.append if progress == "lines" else progress
+        given = ([0.5, 1.0], 1.15)
+        one = envelope(scene, Vehicle([(0.0, 30.0)]), *given, progress=told)
+        assert len({id(each.solution) for each in one.crossings}) == 2
+        assert [each.is_forward for each in one.crossings] == [True, True, False, False]
+        assert len(lines) == (4 if progress == "lines" else 0)
+        assert ("crossing" in capsys.readouterr().err) is (progress is True)
+        # 30 in front of 30 by half a metre, at 1.0 forward and at 0.5 backward, is the same load
+        two = envelope(scene, Vehicle([(0.0, 30.0), (0.5, 30.0)]), *given, progress=told)
+        assert len({id(each.solution) for each in two.crossings}) == 3
 
     def test_off_the_bridge_any_multiple_is_carried(self) -> None:
         scene = bridge(Arch(3.0, 0.75, voussoirs=12), thickness=0.2, width=1.0, cover=0.2)

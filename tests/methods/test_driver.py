@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -11,12 +12,15 @@ import numpy as np
 import pytest
 
 from cvxlimit import Contacts, Load, Status, builtin_scene, solve
+from cvxlimit.cli.report import verdict
 from cvxlimit.errors import ModelError
+from cvxlimit.io.results import result_from_dict, result_to_dict
 from cvxlimit.masonry import single_block
 from cvxlimit.methods.driver import Clock, Method, Run, Steps, drive
 from cvxlimit.methods.fixed_point import cycles
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.said import said
 from cvxlimit.solvers import SolverSettings, default_ladder
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from cvxlimit.surfaces.base import product
@@ -47,6 +51,7 @@ class NonAssociative(Method):
     """Shrinks the friction cone to the normal forces of the last solve until both agree."""
 
     name: ClassVar[str] = "non-associative"
+    axis: ClassVar[str] = "flow"
 
     eta: float = 0.01
     old_value_weight: float = 0.6
@@ -86,7 +91,7 @@ class TestALoopOfAUsersOwn:
         run = solve(single_block(friction=friction), method=NonAssociative())
         assert run.status is Status.CONVERGED
         assert run.load_factor == pytest.approx(friction, rel=1e-4)
-        assert run.interaction == "non-associative"
+        assert (run.flow, run.interaction) == ("non-associative", "none")
         assert not run.bracket.has_any
         assert "clarabel" in run.versions
 
@@ -162,19 +167,51 @@ def test_phases_inside_phases_count_once(monkeypatch: pytest.MonkeyPatch) -> Non
     assert clock.seconds == {"detect": 0.0, "compile": 0.0, "solve": 1.0, "certify": 2.0}
 
 
-def test_bounds_that_contradict_each_other_are_no_answer() -> None:
-    """An assumption behind one of them fails; both are shown."""
+CROSSED = {
+    "both assumed": ((0.018587, False), (9.4266e-5, False)),
+    "lower proved": ((0.5, True), (0.3, False)),
+    "upper proved": ((0.5, False), (0.3, True)),
+    "about zero": ((1e-3, False), (-1e-3, False)),
+    "by little": ((0.3 * (1.0 + 1e-6), False), (0.3, True)),
+}
 
-    class Wrong(Stopping):
-        def steps(self, run: Run) -> Steps:
-            run.best = run.best.raised(0.5, False, 0.5, None).lowered(0.3, True, None)
-            yield
-            return Status.CERTIFIED
 
-    run = drive(Wrong(0), Run(single_block()))
-    assert run.status is Status.NOT_CERTIFIED
-    assert "the bounds contradict each other" in run.note
-    assert (run.lower, run.upper) == (0.5, 0.3)
+class Crossing(Stopping):
+    """Ends with a lower bound above an upper one, whatever it calls that."""
+
+    def __init__(self, ends: tuple[tuple[float, bool], tuple[float, bool]], status: Status) -> None:
+        super().__init__(0)
+        object.__setattr__(self, "ends", ends)
+        object.__setattr__(self, "status", status)
+
+    def steps(self, run: Run) -> Steps:
+        (lower, low), (upper, up) = self.ends  # type: ignore[attr-defined]
+        forces, rates = np.ones((len(run.contacts), 6)), np.ones((len(run.scene.free), 6))
+        run.best = run.best.raised(lower, low, lower, forces).lowered(upper, up, rates)
+        yield
+        return self.status  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("status", [Status.CERTIFIED, Status.NOT_CERTIFIED, Status.INTERRUPTED])
+@pytest.mark.parametrize("name", CROSSED)
+def test_bounds_that_contradict_each_other_are_no_answer(name: str, status: Status) -> None:
+    """An assumption behind one fails: neither is used, in Python, text, JSON or on the page."""
+    found = drive(Crossing(CROSSED[name], status), Run(single_block()))
+    assert found.status is Status.CONTRADICTED
+    assert (found.lower, found.upper, found.load_factor) == (-np.inf, np.inf, None)
+    assert found.forces is None
+    assert found.mechanism is None
+    told, held = said(found), result_to_dict(found)
+    assert held["status"] == "bounds contradict each other"
+    assert (held["lower"], held["upper"], held["load_factor"]) == (None, None, None)
+    assert result_from_dict(held).status is Status.CONTRADICTED
+    texts = [told.value, told.standing, told.headline, found.note, repr(found), verdict(found)]
+    texts.append(re.sub("<[^>]*>", "", found.report()))
+    for text in texts[1:]:
+        assert "bounds contradict each other" in text
+    for number in (f"{end:.4g}" for end, _ in CROSSED[name]):
+        assert not any(number in text for text in texts[:-1])
+    assert "use its bounds" not in " ".join(texts)
 
 
 def test_a_bracket_that_equilibrium_cannot_tell_from_zero_is_closed() -> None:

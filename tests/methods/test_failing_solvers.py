@@ -30,6 +30,9 @@ EVERY: dict[str, Callable[[Scene], Solution]] = {
 }
 """All methods by name, and what is no method but solves problems of its own."""
 
+ASKING = [name for name in EVERY if name != "incremental"]
+"""Those whose answer solvers find: the way from rest is followed by an engine of its own."""
+
 
 @pytest.fixture
 def nobody_solves(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,7 +47,7 @@ def nobody_solves(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("nobody_solves")
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", ASKING)
 def test_when_every_solver_fails(name: str) -> None:
     """No load factor, no bound, and no word about the structure or about assumptions."""
     solution = EVERY[name](single_block())
@@ -59,10 +62,20 @@ def test_when_every_solver_fails(name: str) -> None:
 
 
 @pytest.mark.usefixtures("nobody_solves")
-@pytest.mark.parametrize("name", [*TABLE])
+@pytest.mark.parametrize("name", [name for name in ASKING if name in TABLE])
 def test_the_command_line_says_so(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert command(["solve", "single-block", "--method", name]) == 4
     assert NOWHERE in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("nobody_solves")
+def test_from_rest_without_solvers_there_is_no_proved_limit() -> None:
+    """A block tips at b / h = 0.4, whoever solves; what solvers prove is left out."""
+    pytest.importorskip("cvxlimit.extensions.incremental")
+    solution = solve(single_block(), method="incremental")
+    assert solution.load_factor == pytest.approx(0.4, rel=1e-6)
+    assert solution.from_rest is not None
+    assert solution.from_rest.limit is None
 
 
 def test_settings_that_cannot_succeed() -> None:

@@ -65,7 +65,8 @@ def test_every_method_has_an_expected_time() -> None:
     """Those of the convex problem follow from its size; all others have a pace."""
     small, large = (explain(builtin_scene(name)).methods for name in ("tuff-wall", "s12-panel"))
     assert {*TABLE} <= {"convex", *PACES}
-    assert all(0.0 < small[name] < large[name] for name in PACES)
+    assert {*TABLE} - {"convex"} <= {*small} <= {*PACES}  # an extension may be left out
+    assert all(0.0 < small[name] < large[name] for name in small)
 
 
 @pytest.mark.parametrize("name", TABLE)

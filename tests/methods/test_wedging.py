@@ -10,12 +10,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Load, Scene, Solution, Status, prove, solve
+from cvxlimit import (
+    Block,
+    LimitProblem,
+    Load,
+    Reaction,
+    Scene,
+    Solution,
+    Status,
+    prove,
+    solve,
+)
 from cvxlimit.base import doors
 from cvxlimit.cli.main import run
 from cvxlimit.io import read_result, write_result, write_scene
 from cvxlimit.masonry import arch
 from cvxlimit.plotting import picture_of, title
+from cvxlimit.studies import sweep
 from exhaustive import mostly_slow, slow
 from helpers import hand_equilibrium, yield_excess
 
@@ -170,6 +181,26 @@ def test_blocks_that_slide_where_dilatancy_would_hold_any_load(name: str) -> Non
     assert solution.lower <= truth  # where it is not -inf, it is proved
 
 
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("side", [slow(1.0), -1.0], ids=["along", "against"])
+@pytest.mark.parametrize(("friction", "most"), [(0.8, 2.0), slow(0.5, 1.0)])
+def test_a_reaction_where_dilatancy_would_hold_any_load(
+    friction: float, most: float, side: float
+) -> None:
+    """A block between ground and lid is pushed and lifted: mu (W - 0.9 a W) and the reaction that
+    pushes against it, as much as it can, hold 0.3 a W. By ``LimitProblem`` and in a sweep, too."""
+    ground, lid = (Block.box(n, (-1, -1, z), (2, 2, z + 1)) for n, z in (("g", -1), ("lid", 1)))
+    block = Block.box("b", (0, 0, 0), (1, 1, 1), density=10.0)
+    held = Reaction("b", (0.5 - 0.5 * side, 0.5, 0.5), (side, 0, 0), most)
+    push = Load(acceleration=(0.3, 0.0, 0.9))
+    scene = Scene([ground, block, lid], ["g", "lid"], push, friction=friction, reactions=[held])
+    truth = (10.0 * friction + most * (side < 0.0)) / (3.0 + 9.0 * friction)
+    assert slides_at(solve(scene)) == pytest.approx(truth, rel=NEAR)
+    assert slides_at(LimitProblem(scene).solve()) == pytest.approx(truth, rel=NEAR)
+    (status,) = sweep(scene, {"friction": [friction]}, progress=False)["status"]
+    assert status == Status.UNBOUNDED
+
+
 HARMLESS = {
     **{f"into the ground at {a:g}": pushed(a) for a in (0.0, 10.0, 30.0, 34.0)},  # tan 35 is 0.7
     "up in a dovetail": dovetail((0, 0, 1)),
@@ -229,12 +260,28 @@ def test_rows_between_walls(cubes: int, surface: str) -> None:
     assert found == pytest.approx(1.0, rel=NEAR)
 
 
-def test_an_extension_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What needs no friction is still proved, and nothing else is said."""
-    monkeypatch.delitem(doors._PLACES["cvxlimit.readings"], "without_dilatancy", raising=False)
-    assert slides_at(solve(clamped())) is None
-    assert solve(keystone((0, 0, -1))).status is Status.LIVE_LOAD_HARMLESS
-    assert solve(pushed(30.0)).status is Status.UNBOUNDED
+@pytest.fixture
+def without_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the extension that searches for solutions that slide is not installed."""
+    group, name = "cvxlimit.readings", "slides_without_dilatancy"
+    monkeypatch.delitem(doors._PLACES[group], name)
+    monkeypatch.setitem(doors._ABSENT, (group, name), "dilatancy")
+
+
+@pytest.mark.usefixtures("without_search")
+@pytest.mark.parametrize(
+    "name", mostly_slow(HARMLESS, ("into the ground at 30", "down on a keystone"))
+)
+def test_no_harm_is_proved_without_the_extension_that_searches(name: str) -> None:
+    assert_harmless(solve(HARMLESS[name]))
+
+
+@pytest.mark.usefixtures("without_search")
+def test_what_no_search_was_made_for_is_not_known_and_names_what_is_missing() -> None:
+    solution = solve(clamped())
+    assert slides_at(solution) is None
+    assert solution.lower == pytest.approx(1.0, abs=1e-8)  # proved, by no search
+    assert "slide is of extension 'dilatancy', which is not part of this" in solution.note
 
 
 def test_a_surface_of_ones_own_proves_nothing() -> None:

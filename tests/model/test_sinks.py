@@ -39,7 +39,7 @@ from cvxlimit.reductions.choice import Reductions
 from cvxlimit.results.utilisation import LeastUse
 from cvxlimit.solvers import settings_for
 from cvxlimit.surfaces import Condition, Conic, Norm, Rocking, YieldSurface
-from cvxlimit.surfaces.cones import Cone, Facets, Sink
+from cvxlimit.surfaces.cones import Cone, Facets
 from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES, surfaces_of
 from helpers import scenes
 from rows import assert_same, assert_same_rows, at_random, by_cvxpy
@@ -156,19 +156,17 @@ def test_hulls_with_disjuncts_of_all_kinds(name: str, moments: str, price: float
 class Lens(Cone):
     """A cone of one's own: the larger of the norm and twice the first component."""
 
-    def _gauge(self, rows: Any) -> Any:
+    def gauge_of(self, rows: Any) -> Any:
         return np.maximum(np.linalg.norm(rows, axis=0), 2.0 * np.abs(rows[0]))
 
-    def _polar_gauge(self, rows: Any) -> Any:
+    def polar_gauge_of(self, rows: Any) -> Any:
         raise NotImplementedError
 
-    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
-        spare = into.new(bound.size, nonneg=True)
-        into.cone(bound, rows)
-        into.zero(bound - 2.0 * rows[0] - spare)
-        into.nonneg(bound + 2.0 * rows[0])
-
-    _polar_epigraph = _epigraph
+    def rows_of(self, size: int) -> Any:
+        """The first row in an unknown of its own: w = t - 2 v1."""
+        linear = np.zeros((4, 2 + size))
+        linear[:, [0, 1, -1]] = [[0, 0, 1], [1, 2, 0], [1, -2, -1], [-1, 2, 1]]
+        return linear, np.eye(1 + size, 2 + size)
 
 
 class Own(YieldSurface):

@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 from tests.kit.pictures import assert_legible
 
 from cvxlimit import Block, Load, Scene
-from cvxlimit.compare import Comparison
+from cvxlimit.compare import Comparison, Model
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.compare.models import Row
-from cvxlimit.extensions.compare.registry import registry
+from cvxlimit.extensions.studies.models import Row
 from cvxlimit.studies import LoadDomain, compare_domains, load_domain
 
 COLUMN = (3.4, 3.2)
@@ -28,8 +27,7 @@ BLOCKS = [
 SCENE = Scene(BLOCKS, ["ground"], Load(acceleration=(1, 0, 0)), friction=0.4, name="block")
 X, Y, Z = (Load(acceleration=axis) for axis in np.eye(3))
 TRIED = (
-    "cvxlimit", "cvxlimit/1e-8", "conic/corners/clarabel-qdldl/1e-3",
-    "conic/corners/clarabel-qdldl/1e-6", "octagon/corners/highs-ipm/1e-8",
+    "cvxlimit", "cvxlimit/1e-8", "clarabel/1e-3", "clarabel/1e-6", "octagon/highs/1e-8",
 )  # fmt: skip
 
 
@@ -49,8 +47,8 @@ def nested() -> Any:
 def comparison() -> Comparison:
     """Made up: no two methods of one time."""
     rows = [
-        Row(method=name, line=registry()[name].line, status="certified", total=0.1 * (k + 1.0),
-            error=10.0 ** (-k - 2), interaction="none")
+        Row(method=name, line=Model.named(name).line, status="certified", total=0.1 * (k + 1.0),
+            error=10.0 ** (-k - 2))
         for k, name in enumerate(TRIED)
     ]  # fmt: skip
     return Comparison("a wall of some length", tuple(rows))

@@ -2,58 +2,38 @@
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
 import pytest
 
 from cvxlimit import Block, Load, PointForce, Scene, Status, Tie, builtin_scene, solve
+from cvxlimit.errors import ModelError
 from cvxlimit.masonry import random_wall, single_block, stack
-from cvxlimit.problem.own_limits import OwnCertifier
+from cvxlimit.problem.own_limits import OwnCertifier, OwnState
 from cvxlimit.problem.problem import LimitProblem
 from cvxlimit.proof.certificate import Certifier
-from exhaustive import mostly_slow
-from helpers import corners_in_plane, hand_equilibrium, hand_torsion_arm
+from exhaustive import mostly_slow, slow
+from own_limits import case, forces_of, scene_of
+from referee import ROUNDING, referee
 
 COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
 WIDTH = 1e-4
 """Of brackets that count as closed: ten times the default tolerance, for degenerate limits."""
-ROUNDING = 3e-6
-"""Relative error of the referee's optima: asked for 1e-10, its forces on one wall exceed strength
-by 3e-8 of the weight in many contacts, which comes to 1.2e-6 of the load factor in all."""
 
 
-def referee(scene: Scene, rows: list[np.ndarray], aim: np.ndarray | None, factor: float | None):
-    """The largest load factor, or aim at a given one; rows (6 n + 2,) are forces, alpha, right."""
-    matrix, dead, live = hand_equilibrium(scene)
-    x, alpha = cp.Variable(matrix.shape[1]), cp.Variable()
-    unit = float(np.abs(dead).sum())
-    limits = [matrix @ x + dead / unit + alpha * (live / unit) == 0]
-    for j, contact in enumerate(scene.contacts):
-        v1, v2, n, m1, m2, mt = (x[6 * j + k] for k in range(6))
-        corners = corners_in_plane(contact)
-        press = cp.Variable(len(corners), nonneg=True)
-        limits += [n == cp.sum(press), m1 == press @ corners[:, 1], m2 == -press @ corners[:, 0]]
-        shear = cp.norm(cp.hstack([v1, v2])) + cp.abs(mt) / hand_torsion_arm(contact)
-        limits.append(shear <= contact.friction * n)
-    for row in rows:
-        size = np.abs(row[:-1]).max()
-        limits.append((row[:-2] * unit) @ x / size + row[-2] * alpha / size <= row[-1] / size)
-    if factor is not None:
-        limits.append(alpha == factor)
-    goal = alpha if aim is None else aim @ x
-    problem = cp.Problem(cp.Maximize(goal), limits)
-    for tolerance in (1e-10, 1e-9):
-        tight = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of what is inaccurate: the comparison tells
-            problem.solve(solver=cp.CLARABEL, **tight)
-        if problem.status == cp.OPTIMAL:
-            break
-    assert goal.value is not None
-    return float(goal.value) * (1.0 if aim is None else unit)
+def on(row: np.ndarray) -> Callable[[Any, Any], Any]:
+    """The sum of forces that a row (6 n,) weighs."""
+    return lambda x, _: cp.sum(cp.multiply(row.reshape(-1, 6), x))
+
+
+def below(rows: list[np.ndarray]) -> Callable[[Any, Any], list[Any]]:
+    """Linear limits; rows (6 n + 2,) are forces, alpha, right, each over its largest entry."""
+    scaled = [row / np.abs(row[:-1]).max() for row in rows]
+    return lambda x, alpha: [on(r[:-2])(x, alpha) + r[-2] * alpha <= r[-1] for r in scaled]
 
 
 def pushed(seed: int) -> tuple[Scene, np.ndarray, float]:
@@ -111,7 +91,7 @@ def test_limits(seed: int) -> None:
         rows.append(np.array([*row, of_factor, right]))
         problem.add(f"own {i}", stated(problem, row) + of_factor * problem.factor <= right)
     found = problem.solve()
-    exact = referee(scene, rows, None, None)
+    exact = referee(scene, below(rows)).optimum
     size = max(abs(exact), abs(collapse))
     assert exact <= collapse + ROUNDING * size
     assert found.bracket.is_proved
@@ -127,7 +107,7 @@ def assert_no_perturbation_refutes(
     stated = problem._stated
     states = map(stated.run, stated.ladder())
     state = next(state for state in states if state.mechanism is not None)
-    limits = stated.linear_limits()
+    limits = stated.contact_limits()
     assert not isinstance(limits, str)
     assert state.mechanism is not None
     assert state.forces is not None
@@ -140,7 +120,11 @@ def assert_no_perturbation_refutes(
             for part in (state.mechanism, state.own["multipliers"], state.forces)
         ]
         upper = proof.upper(spoiled[0], spoiled[1])
-        lower = proof.lower(spoiled[2], state.load_factor, inside.forces, inside.load_factor)
+        none = np.zeros(0)
+        lower = proof.lower(
+            OwnState(spoiled[2], state.load_factor, none),
+            OwnState(inside.forces, inside.load_factor, none),
+        )
         assert lower - ROUNDING * size <= exact <= upper + ROUNDING * size
 
 
@@ -150,7 +134,7 @@ def test_no_mixture_breaks_a_limit_that_only_the_reserve_breaks() -> None:
     problem = LimitProblem(scene)
     problem.add("low", problem.factor <= 0.05)
     stated = problem._stated
-    limits = stated.linear_limits()
+    limits = stated.contact_limits()
     assert not isinstance(limits, str)
     proof = OwnCertifier(Certifier(stated.at_present(), stated.surfaces), limits)
     inner = LimitProblem(scene)
@@ -160,12 +144,14 @@ def test_no_mixture_breaks_a_limit_that_only_the_reserve_breaks() -> None:
     assert reserve.load_factor is not None
     noise = np.random.default_rng(0).normal(size=reserve.forces.shape)
     outside = 0.05 * np.abs(reserve.forces).max() * noise
-    assert proof.lower(outside, 0.0499, reserve.forces, reserve.load_factor) <= 0.05
+    none = np.zeros(0)
+    state = OwnState(outside, 0.0499, none)
+    assert proof.lower(state, OwnState(reserve.forces, reserve.load_factor, none)) <= 0.05
     within = LimitProblem(scene)
     within.add("lower", within.factor == 0.01)
     inside = within._stated.inside().run()
     assert inside.forces is not None
-    assert 0.01 - 1e-6 <= proof.lower(outside, 0.0499, inside.forces, 0.01) <= 0.05
+    assert 0.01 - 1e-6 <= proof.lower(state, OwnState(inside.forces, 0.01, none)) <= 0.05
 
 
 @pytest.mark.parametrize("seed", mostly_slow(range(100), range(4)))
@@ -179,7 +165,7 @@ def test_aims(seed: int) -> None:
     problem.add("load", problem.factor == factor)
     problem.maximise(stated(problem, row) + 2.0)
     found = problem.solve()
-    exact = referee(scene, [], row, factor) + 2.0
+    exact = referee(scene, lambda _, alpha: [alpha == factor], on(row)).optimum + 2.0
     size = max(abs(exact), scene.total_weight)
     assert found.bracket.is_proved
     assert found.lower - ROUNDING * size <= exact <= found.upper + ROUNDING * size
@@ -281,18 +267,48 @@ class TestWithoutBracket:
     def problem(self) -> LimitProblem:
         return LimitProblem(builtin_scene("single-block"))
 
-    def test_cones(self) -> None:
+    @pytest.mark.parametrize(
+        "limit",
+        [
+            lambda p: cp.exp(p.V1[0] / 10.0) <= 2.0,
+            lambda p: cp.log(p.N[0]) >= 1.0,
+            lambda p: cp.lambda_max(cp.bmat([[p.N[0], p.V1[0]], [p.V1[0], p.N[0]]])) <= 9.0,
+        ],
+    )
+    def test_other_cones(self, limit: Any) -> None:
         problem = self.problem()
-        problem.add("cone", cp.norm(cp.hstack([problem.V1[0], problem.V2[0]])) <= 1.0)
+        problem.add("bent", limit(problem))
         found = problem.solve()
         assert found.status is Status.NOT_CERTIFIED
         assert not found.bracket.has_any
-        assert "only linear limits have a bracket" in found.note
+        assert found.load_factor is None
+        assert problem.value == pytest.approx(0.4, rel=1e-6)
+        assert "limit 'bent' has exponential or semidefinite cones" in found.note
+        assert "nothing is proved of problem.value" in found.note
 
-    def test_variables_of_ones_own(self) -> None:
-        problem, free = self.problem(), cp.Variable(name="slack")
-        problem.add("soft", problem.N[0] <= 5.0 + free, free <= 1.0)
-        assert "'slack'" in problem.solve().note
+    def test_whole_numbers(self) -> None:
+        """Either of two anchors, not both; cones and whole numbers together take other solvers."""
+        scene = builtin_scene("single-block")
+        for surface in ("octagon", "conic"):
+            problem, first = LimitProblem(scene, surface), cp.Variable(boolean=True, name="first")
+            problem.add("either", problem.V1[0] >= -0.5 - 0.25 * first, problem.V1[0] >= -1 + first)
+            if surface == "octagon":
+                found = problem.solve()
+                assert problem.value == pytest.approx(0.5 / scene.total_weight, rel=1e-6)
+                assert "limit 'either' has whole numbers" in found.note
+            elif not {"MOSEK", "GUROBI"} & {*cp.installed_solvers()}:
+                with pytest.raises(ModelError, match=r"'either' has whole numbers.*octagon"):
+                    problem.solve()
+
+    def test_forces_of_another_problem(self) -> None:
+        problem, other = self.problem(), self.problem()
+        with pytest.raises(ModelError, match="of another LimitProblem, variable 'n'"):
+            problem.add("other", other.N[0] <= 3.0)
+        with pytest.raises(ModelError, match="of another LimitProblem, variable 'alpha'"):
+            problem.add("ours", problem.N[0] <= 3.0, problem.factor <= other.factor)
+        with pytest.raises(ModelError, match="the aim has forces or the load factor of another"):
+            problem.maximise(other.factor)
+        assert problem.constraints.keys().isdisjoint({"other", "ours"})
 
     def test_no_room_is_told(self) -> None:
         """Friction held at its limit: forces on the edge of strength alone, at mu = 0.3."""
@@ -303,11 +319,6 @@ class TestWithoutBracket:
         assert found.upper == pytest.approx(0.3, rel=1e-5)
         assert found.lower == -np.inf
         assert "no lower bound, since no forces were found strictly inside" in found.note
-
-    def test_equations_between_forces(self) -> None:
-        problem = LimitProblem(builtin_scene("arch"))
-        problem.add("alike", problem.N[0] == problem.N[20])
-        assert "no lower bound, since forces miss the equation 'alike'" in problem.solve().note
 
     def test_an_aim_under_a_free_load_factor(self) -> None:
         problem = self.problem()
@@ -395,3 +406,75 @@ def test_other_values_where_the_dead_load_alone_breaks_the_limits() -> None:
         assert found.lower <= expected.upper
         assert expected.lower <= found.upper
         assert found.upper - found.lower <= 1e-5 * abs(found.upper)
+
+
+def solved_with(seed: int) -> None:
+    """Limits of all kinds that some forces satisfy: bounds hold the referee's optimum and close."""
+    scene, limits, alone = case(seed)
+    problem = LimitProblem(scene)
+    forces = forces_of(problem)
+    for i, limit in enumerate(limits):
+        problem.add(f"{limit.name} {i}", *limit.stated(forces, problem.factor))
+    found = problem.solve()
+    verdict = referee(scene, lambda x, a: [c for limit in limits for c in limit.stated(x, a)])
+    assert verdict.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE)
+    exact, room = verdict.optimum, 3 * ROUNDING * max(alone, abs(verdict.optimum))
+    assert found.lower - room <= exact <= found.upper + room
+    assert found.status is Status.CERTIFIED, found.note
+    assert found.note.startswith("both bounds are proved")
+
+
+@pytest.mark.parametrize("seed", range(9))  # each kind once
+def test_limits_of_all_kinds(seed: int) -> None:
+    solved_with(seed)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("seed", range(9, 120))
+def test_a_hundred_scenes_with_limits_of_all_kinds(seed: int) -> None:
+    solved_with(seed)
+
+
+@pytest.mark.parametrize("seed", mostly_slow(range(10), [0]))
+@pytest.mark.parametrize("kind", [slow("sum of squares"), slow("norm"), "largest"])
+def test_aims_that_are_not_linear(seed: int, kind: str) -> None:
+    """The least of convex functions of forces, under a part of the collapse load."""
+    scene, _, collapse = scene_of(seed)
+    factor = 0.5 * collapse
+
+    def least(x: Any, _: Any) -> Any:
+        some = x[:3, :3] / scene.total_weight
+        if kind == "sum of squares":
+            return cp.sum_squares(some)
+        return cp.norm(cp.vec(some, order="C")) if kind == "norm" else cp.max(cp.abs(some))
+
+    problem = LimitProblem(scene)
+    problem.add("load", problem.factor == factor)
+    problem.minimise(least(forces_of(problem), None))
+    found = problem.solve()
+    exact = -referee(scene, lambda _, a: [a == factor], lambda x, a: -least(x, a)).optimum
+    assert found.status is Status.CERTIFIED, found.note
+    assert found.lower - 1e-6 <= exact <= found.upper + 1e-6
+    assert found.load_factor == pytest.approx(exact, abs=1e-6)
+
+
+def test_variables_of_ones_own_have_bounds() -> None:
+    """A strut that gives way: a force beside, of a price. By hand: the block slides at mu and takes
+    what the strut adds, over its weight."""
+    scene = single_block((1.0, 1.0, 0.2), friction=0.5)
+    problem, strut = LimitProblem(scene), cp.Variable(name="strut")
+    problem.add("held", problem.V1[0] >= -1.0 - strut, strut <= 0.5, strut >= 0.0)
+    found = problem.solve()
+    assert found.status is Status.CERTIFIED
+    assert found.load_factor == pytest.approx(1.5 / scene.total_weight, rel=1e-6)
+    assert strut.value == pytest.approx(0.5, rel=1e-6)
+
+
+def test_equations_between_forces_have_bounds() -> None:
+    problem = LimitProblem(builtin_scene("arch"))
+    free = problem.solve()
+    problem.add("alike", problem.N[0] == problem.N[20])
+    found = problem.solve()
+    assert found.status is Status.CERTIFIED
+    assert found.upper < free.lower
+    assert problem.N.value[0] == pytest.approx(problem.N.value[20], rel=1e-7)

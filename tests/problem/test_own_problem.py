@@ -14,11 +14,12 @@ import pytest
 from cvxlimit import Block, Load, Reaction, Scene, Status, Tie, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
-from cvxlimit.masonry import single_block, stack
+from cvxlimit.masonry import random_wall, single_block, stack
 from cvxlimit.problem.problem import LimitProblem
 from cvxlimit.solvers import blockwise, settings_for
 from exhaustive import slow
 from helpers import assert_certified
+from referee import referee
 from rows import assert_same_rows
 
 ARCH = builtin_scene("arch")
@@ -286,7 +287,7 @@ def test_what_was_added_as_rows_on_forces_of_contacts() -> None:
     problem.add("even", problem.V1[third] == 0.5 * problem.V1[second])
     for most.value, arm.value in ((0.02, 2.0), (0.03, 2.0), (0.03, 3.0)):
         state = problem._stated.run(*blockwise() or [settings_for("CLARABEL")])
-        rows = problem._stated.linear_limits()
+        rows = problem._stated.contact_limits()
         assert rows.names == ("even", "mixed")
         assert rows.is_equation.tolist() == [True, False]
         left = rows.matrix @ state.forces.ravel() + rows.factor * state.load_factor
@@ -318,29 +319,20 @@ def test_duals_are_those_of_cvxpy() -> None:
     assert any(value != 0.0 for value in found[0])
 
 
-def test_what_is_not_linear_on_contacts_says_so() -> None:
-    problem, own = LimitProblem(builtin_scene("tuff-wall")), cp.Variable(name="own")
-    problem.add("cone", cp.norm(problem.N[:2]) <= 1.0)
-    assert "are cones" in problem._stated.linear_limits()
-    problem.remove("cone")
-    problem.add("variable", problem.N[0] <= own)
-    assert "variables of one's own, as 'own'" in problem._stated.linear_limits()
-    problem.remove("variable")
-    problem.add("load", problem.factor == 0.1)
-    problem.maximise(cp.min(problem.N))
-    assert "the aim has functions as abs or max" in problem._stated.linear_limits()
-
-
 @pytest.mark.parametrize("atom", [cp.abs, cp.max, cp.norm1, cp.pos, lambda x: cp.maximum(x, 0.1)])
-def test_limits_that_are_not_linear_are_named(atom: Any) -> None:
-    """And not the variables that CVXPY makes for them."""
-    problem = LimitProblem(builtin_scene("tuff-wall"))
+def test_limits_by_functions_have_a_bracket(atom: Any) -> None:
+    """Where they govern and where they do not: that of a program of the tests' own."""
+    scene = random_wall(5, sizes=[(2, 3)])
+    problem, most = LimitProblem(scene), cp.Parameter()
     problem.add("plain", problem.N[0] <= 1e3)
-    problem.add("cap", atom(problem.V1) <= 1e3)
-    found = problem.solve()
-    assert found.load_factor is not None
-    assert "limit 'cap' has functions as abs or max" in found.note
-    assert "var" not in found.note
+    problem.add("cap", atom(-problem.V1) <= most)
+    free = solve(scene).lower
+    for most.value in (1e3, 0.15):
+        found = problem.solve()
+        exact = referee(scene, lambda x, _: [atom(-x[:, 0]) <= most.value]).optimum
+        assert found.status is Status.CERTIFIED, found.note
+        assert found.load_factor == pytest.approx(exact, rel=1e-5)
+    assert exact < 0.99 * free
 
 
 def test_an_aim_of_the_load_factor_alone_is_its_multiple() -> None:
@@ -416,7 +408,7 @@ class TestValuesAfterASolve:
         assert solution.load_factor == pytest.approx(most, abs=1e-6)
         self.values(problem, solution)
         assert problem.factor.value == pytest.approx(0.1, rel=1e-9)
-        assert (solution.status is Status.CERTIFIED) == (kind == "factor")
+        assert solution.status is Status.CERTIFIED
 
     def test_an_aim_that_is_least(self) -> None:
         """Each of both words; value and bracket are the expression's."""

@@ -301,7 +301,7 @@ class TestWitnesses:
     @pytest.mark.parametrize("name", ["stack", "ferris-tin-loi-3", "tuff-wall", "s12-panel"])
     def test_dead_state_carries_the_dead_load_strictly_inside(self, name: str) -> None:
         scene = builtin_scene(name)
-        state = Certifier(scene, (Rocking(), TorsionShear())).witnesses.dead_state
+        state = Certifier(scene, (Rocking(), TorsionShear())).references.dead_state
         assert state is not None
         matrix, dead, _ = hand_equilibrium(scene)
         assert np.abs(matrix @ state.ravel() + dead).max() <= 1e-12 * np.abs(dead).sum()
@@ -310,22 +310,22 @@ class TestWitnesses:
     @pytest.mark.parametrize("name", ["stack", "ferris-tin-loi-3", "tuff-wall", "s12-panel"])
     def test_opening_field_opens_every_contact(self, name: str) -> None:
         scene = builtin_scene(name)
-        field = Certifier(scene, (Rocking(), TorsionShear())).witnesses.opening_field
+        field = Certifier(scene, (Rocking(), TorsionShear())).references.opening_field
         assert field is not None
         assert missing_opening(scene, field).max() < 0.0
 
     def test_none_where_none_can_be(self) -> None:
         falling = stack(3, (1, 1, 0.2), shift=(0.5, 0.0))
-        assert Certifier(falling, (Rocking(), TorsionShear())).witnesses.dead_state is None
+        assert Certifier(falling, (Rocking(), TorsionShear())).references.dead_state is None
         icy = single_block(friction=0.0).with_dead(Load(acceleration=(0.1, 0.0, -1.0)))
-        assert Certifier(icy, (Rocking(), TorsionShear())).witnesses.dead_state is None
-        wedged = Certifier(_between_walls(0.5), (Rocking(), TorsionShear())).witnesses
+        assert Certifier(icy, (Rocking(), TorsionShear())).references.dead_state is None
+        wedged = Certifier(_between_walls(0.5), (Rocking(), TorsionShear())).references
         assert wedged.opening_field is None
 
     def test_on_ice_without_any_shear(self) -> None:
         """A condition without resistance has no inside; a state without shear satisfies it."""
         scene = single_block(friction=0.0)
-        state = Certifier(scene, (Rocking(), TorsionShear())).witnesses.dead_state
+        state = Certifier(scene, (Rocking(), TorsionShear())).references.dead_state
         assert state is not None
         np.testing.assert_allclose(state[:, 2].sum(), scene.total_weight, rtol=1e-9)
         assert not state[:, [0, 1, 5]].any()
@@ -333,11 +333,11 @@ class TestWitnesses:
     @given(scene=piles())
     @settings(max_examples=15, deadline=None)
     def test_on_other_polygons(self, scene: Scene) -> None:
-        witnesses = Certifier(scene, (Rocking(), TorsionShear(Facets.inscribed(8)))).witnesses
-        assert witnesses.dead_state is not None
-        assert yield_excess(scene, witnesses.dead_state).max() < 0.0
-        assert witnesses.opening_field is not None
-        assert missing_opening(scene, witnesses.opening_field).max() < 0.0
+        references = Certifier(scene, (Rocking(), TorsionShear(Facets.inscribed(8)))).references
+        assert references.dead_state is not None
+        assert yield_excess(scene, references.dead_state).max() < 0.0
+        assert references.opening_field is not None
+        assert missing_opening(scene, references.opening_field).max() < 0.0
 
 
 def _between_walls(friction: float, density: float = 20.0, live: Load | None = None) -> Scene:

@@ -140,7 +140,7 @@ class TestProofs:
     @pytest.mark.exhaustive
     def test_a_panel_with_thin_reserve_stands(self) -> None:
         scene = panel(1.4, 40, left_return=0.52, right_return=0.52)
-        assert Certifier(scene, SURFACES).witnesses.dead_state is None
+        assert Certifier(scene, SURFACES).references.dead_state is None
         solution = solve(scene, "octagon")
         assert_certified(solution, scene)
         assert solution.is_proved
@@ -180,21 +180,21 @@ class TestOffers:
     def test_a_good_dead_state_replaces_a_poor_one(self) -> None:
         scene = builtin_scene("tuff-wall")
         certifier = Certifier(scene, SURFACES)
-        poor = certifier.witnesses.dead_state
+        poor = certifier.references.dead_state
         assert poor is not None
         assert certifier.offer_dead_state(self.resting(scene))
-        good = certifier.witnesses.dead_state
+        good = certifier.references.dead_state
         assert good is not None
         assert yield_excess(scene, good).max() < yield_excess(scene, poor).max() < 0.0
         assert certifier.offer_dead_state(poor)
-        assert certifier.witnesses.dead_state is good
+        assert certifier.references.dead_state is good
 
     @pytest.mark.parametrize("factor", [0.0, -1.0, np.nan, 1e6])
     def test_forces_of_any_size_are_balanced_or_refused(self, factor: float) -> None:
         scene = builtin_scene("s12-panel")
         certifier = Certifier(scene, SURFACES)
         accepted = certifier.offer_dead_state(factor * self.resting(scene))
-        kept = certifier.witnesses.dead_state
+        kept = certifier.references.dead_state
         assert kept is not None
         assert yield_excess(scene, kept).max() < 0.0
         assert not (accepted and np.isnan(factor))
@@ -203,7 +203,7 @@ class TestOffers:
         scene = single_block(friction=0.0)
         certifier = Certifier(scene.with_dead(Load(acceleration=(0.1, 0.0, -1.0))), SURFACES)
         assert not certifier.offer_dead_state(self.resting(scene))
-        assert certifier.witnesses.dead_state is None
+        assert certifier.references.dead_state is None
 
     @pytest.mark.parametrize("sign", [0.0, -1.0, np.nan])
     def test_rates_that_do_not_open_are_refused(self, sign: float) -> None:
@@ -211,7 +211,7 @@ class TestOffers:
         certifier = Certifier(scene, SURFACES)
         rates = np.ones((1, 6))
         certifier.offer_opening_field(sign * rates)
-        assert certifier.witnesses.opening_field is None
+        assert certifier.references.opening_field is None
 
     def test_verdicts_do_not_depend_on_the_offer(self) -> None:
         """A wall whose dead load points up falls, whatever was offered before."""

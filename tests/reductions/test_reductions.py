@@ -75,9 +75,35 @@ class TestPlanar:
 
     def test_forces_and_mechanism_are_those_of_the_full_scene(self) -> None:
         scene = turned(wall(running_bond(3, 4)), 5)
-        solution = solve(scene)
+        solution = solve(scene, model="least")
         assert solution.model == ("planar",)
         assert_certified(solution, scene)
+
+    @pytest.mark.parametrize(
+        "scene",
+        [
+            wall(running_bond(2, 3), live=Load(acceleration=(1, 0, 0))),
+            wall(running_bond(7, 10), friction=0.3, live=Load(acceleration=(1, 0, 0))),
+            arch(160, live=Load(acceleration=(1, 0, 0))),
+            wall(running_bond(9, 15), live=Load(acceleration=(1, 0, 0))),
+            wall(running_bond(12, 20), live=Load(acceleration=(1, 0, 0))),
+        ],
+        ids=lambda scene: str(len(scene.contacts)),
+    )
+    def test_auto_takes_the_plane_of_one_problem_where_it_pays(self, scene: Scene) -> None:
+        """And says so alike in solve, explain and the problem that is exported; both answers are
+        in each other's bracket. Methods that solve many problems take it at any size."""
+        pays = len(scene.contacts) >= choice.PLANAR_FROM
+        auto, least = solve(scene), solve(scene, model="least")
+        assert ("planar" in auto.model) is pays
+        assert tuple(explain(scene).sizes)[1:] == auto.model
+        if auto.status.has_answer:
+            assert "planar" in least.model
+            unit = SAME * abs(least.load_factor)
+            assert auto.lower <= least.upper + unit
+            assert least.lower <= auto.upper + unit
+        found = Reductions.of(Assemblage.of(scene), surfaces_of("conic")[0])
+        assert found.plane is not None
 
     @pytest.mark.parametrize("count", [3, 5, 6, 7, 10])
     def test_facets_are_planar_only_where_they_are_symmetric(self, count: int) -> None:
@@ -321,7 +347,7 @@ class TestChoice:
         assert solution.model == ()
 
     def test_result_files_name_reductions(self, tmp_path: object) -> None:
-        solution = solve(builtin_scene("arch"))
+        solution = solve(builtin_scene("arch"), model="least")
         path = f"{tmp_path}/arch.json"
         write_result(solution, path)
         assert read_result(path).model == solution.model == ("planar",)
@@ -332,7 +358,7 @@ class TestExplain:
         """Counted by hand: n contacts with four corners, F free blocks."""
         scene = builtin_scene("ferris-tin-loi-1")
         n, free = len(scene.contacts), len(scene.free)
-        found = scene.explain()
+        found = scene.explain(model="least")
         assert list(found.sizes) == ["full", "planar"]
         full, lean = found.sizes.values()
         assert (full.variables, full.equations, full.cones) == (8 * n + 1, 6 * free, n)
@@ -388,12 +414,12 @@ def test_parts_share_nothing() -> None:
     """Parts without one contact each, of which some do not stand, are as many and as strong."""
     scene, surfaces = builtin_scene("tuff-wall"), surfaces_of("conic")[0]
     among, count = Assemblage.of(scene), len(scene.contacts)
-    assert Certifier(among, surfaces).witnesses.easy_dead_state is not None
+    assert Certifier(among, surfaces).references.easy_dead_state is not None
     stands = set()
     for left_out in range(0, 35, 7):
         kept = np.delete(np.arange(count), left_out)
         part = with_contacts(among, kept, np.ones(len(scene.free), dtype=bool))
-        state = Certifier(part, surfaces).witnesses.easy_dead_state
+        state = Certifier(part, surfaces).references.easy_dead_state
         stands.add(state is not None)
         if state is not None:
             assert part.statics.is_balanced(state, 0.0, scene.contacts.typical_size)

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import pickle
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Load, Scene, Solution, builtin_scene, solve
+from cvxlimit import Block, Incremental, Load, Scene, Solution, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import read_result, write_result
 from cvxlimit.plotting import notebook
+from cvxlimit.solution import Step
 from cvxlimit.solution.bracket import rounded
 from cvxlimit.surfaces import Rocking, Sliding, Torsion, TorsionShear, utilisation
 
@@ -287,3 +289,16 @@ def _arm(l1: float, l2: float) -> float:
     x, w = np.polynomial.legendre.leggauss(60)
     x, w = 0.5 + 0.5 * x, 0.5 * w  # a quarter of the rectangle
     return float(w @ np.hypot(0.5 * l1 * x[:, None], 0.5 * l2 * x) @ w)
+
+
+def test_steps_are_a_table_with_and_without_the_scene(tmp_path: Path) -> None:
+    found = solve(builtin_scene("single-block"), method=Incremental(spread=False))
+    table = found.to_dataframe("steps")
+    assert table["load_factor"].max() == found.load_factor == pytest.approx(0.4, rel=1e-6)
+    assert table["open"].tolist() == [step.open for step in found.steps]
+    assert {*table.columns} == {f.name for f in fields(Step)} - {"forces"}
+    assert {*table.attrs["description"]} == {*table.columns}
+    write_result(found, tmp_path / "found.json")
+    assert read_result(tmp_path / "found.json").to_dataframe("steps").equals(table)
+    with pytest.raises(InputError, match="method='incremental'"):
+        solve(builtin_scene("single-block")).to_dataframe("steps")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Load, PointForce, Scene, Units, builtin_scene, solve
+from cvxlimit import Block, Load, PointForce, Reaction, Scene, Units, builtin_scene, solve
 from cvxlimit.cli.main import run
 from cvxlimit.io import read_result, write_result, write_scene
 from cvxlimit.masonry.walls import running_bond, stack, wall
@@ -119,6 +120,15 @@ def test_cohesion_takes_no_part_in_dilatancy() -> None:
 
 def test_one_joint_that_slides_is_named_in_the_singular() -> None:
     assert f"1 of 1 moving joints slides: {WORD}" in solve(slab(0.3)).note
+
+
+def test_reactions_and_ties_are_no_joints() -> None:
+    """They move with the slab, one against the push and one with it, and are not counted."""
+    ends = [Reaction("slab", (x, 0.5, 0.1), (-1, 0, 0), 1.0) for x in (0, 1)]
+    scene = replace(slab(0.3), reactions=ends)
+    found = solve(scene).dilatancy
+    assert found is not None
+    assert (found.sliding, found.moving) == (("ground-slab",), 1)
 
 
 def test_units_do_not_matter() -> None:

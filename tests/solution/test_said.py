@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from html import unescape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from cvxlimit import Block, Load, Scene, Solution, builtin_scene, settlement, solve
 from cvxlimit.cli.main import run
-from cvxlimit.cli.report import show, summary
+from cvxlimit.cli.report import details, summary
+from cvxlimit.cli.shell import show
 from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.io import write_scene
 from cvxlimit.masonry.walls import stack
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.fixed_point import FixedPoint
-from cvxlimit.plotting import reporting
+from cvxlimit.plotting import reporting, title
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.kinematics import Dilatancy
-from cvxlimit.solution.records import Status
+from cvxlimit.solution.records import Search, Status
 from cvxlimit.solution.said import ends, said
+from cvxlimit.surfaces import Rocking, TorsionShear
 
 WIDE = 104
 """Characters of a line that a terminal shows at once, and a reader takes in."""
@@ -149,7 +154,8 @@ def test_a_number_that_nothing_bounds_is_not_shown_as_the_answer(
     kinds: dict[str, Solution],
 ) -> None:
     unsettled = kinds["unsettled"]
-    assert unsettled.load_factor is not None
+    assert unsettled.load_factor is None
+    assert unsettled.history[-1].load_factor is not None
     assert said(unsettled).value == "none"
     assert unsettled.dilatancy is None  # nothing is said of what is no answer
     assert "5 times in a row" in dict(said(unsettled).rows)["paper"]
@@ -161,10 +167,24 @@ def test_a_number_that_nothing_bounds_is_not_shown_as_the_answer(
 
 def test_what_searches_say_of_each_other_has_a_row(kinds: dict[str, Solution]) -> None:
     note = (
-        "34 solutions found, 1.7 to 1.8; 4 searches agree on 1.7284; none is lower for all we know"
+        "34 solutions found, 1.7 to 1.8; lowest of 4 searches, ended at 1.7284; none is known below"
     )
     rows = dict(said(replace(kinds["lowest member"], note=note)).rows)
-    assert rows["searches"] == "4 searches agree on 1.7284"
+    assert rows["searches"] == "lowest of 4 searches, ended at 1.7284"
+
+
+def test_no_row_names_a_number_that_is_not_to_be_reported_yet(kinds: dict[str, Solution]) -> None:
+    """The lowest member is one where searches ended alike, and friction lies along the slip."""
+    lowest = kinds["lowest member"]
+    assert said(lowest).report.startswith(said(lowest).value)
+    factor = lowest.load_factor or 0.0
+    apart = tuple(Search(k, (1.0 + 0.002 * k) * factor, 300, 90) for k in range(2))
+    none = (apart[0], Search(1, None, 300, 0))
+    turned = (replace(lowest.members[0], angle=2e-3), *lowest.members[1:])
+    for changes in ({"searches": apart}, {"searches": none}, {"members": turned}):
+        told = said(replace(lowest, **changes))
+        assert told.report.startswith("nothing yet")
+        assert not any(mark.isdigit() for mark in told.report)
 
 
 def test_the_row_that_warns_has_no_load_factor() -> None:
@@ -201,7 +221,7 @@ def test_the_command_line_says_three_rows_and_the_rest_when_asked(
     assert [line.split("  ")[0] for line in brief.splitlines()] == [
         "load factor", "sliding", "report",
     ]  # fmt: skip
-    assert "--method zero-dilatancy (" in brief
+    assert "--method incremental (" in brief
     assert "ground-slab" not in brief
     assert run([*asked, "-v"]) == 0
     out = capsys.readouterr().out
@@ -214,3 +234,56 @@ def test_the_command_line_says_three_rows_and_the_rest_when_asked(
     assert len(out.splitlines()) <= 4  # iterates are for those who ask
     assert err.startswith("cvxlimit: not converged: last 40 iterates ")
     assert " ... " not in err
+
+
+class OwnSurface(TorsionShear):
+    """Somebody's own, which is the paper's."""
+
+    name = "somebody's torsion"
+
+
+@dataclass(frozen=True)
+class OwnLoop(Method):
+    """Somebody's own loop without bounds, which answers the plain question."""
+
+    name = "own-loop"
+
+    def steps(self, run: Run) -> Steps:
+        yield from Convex().steps(run)
+        run.best = replace(run.best, bracket=Bracket())
+        return Status.CONVERGED
+
+
+SURFACES: dict[str, tuple[Any, str]] = {
+    "parabolic": ({"surface": "parabolic"}, "parabolic"),
+    "exact": ({"method": "exact"}, "exact"),
+    "octagon": ({"surface": "octagon"}, "octagon"),
+    "12-gon": ({"surface": "12-gon-inscribed"}, "12-gon-inscribed"),
+    "own": ({"surface": [Rocking(), OwnSurface()]}, "somebody's torsion"),
+    "own loop": ({"method": OwnLoop()}, "conic"),
+    "own both": ({"surface": [Rocking(), OwnSurface()], "method": OwnLoop()}, "somebody's torsion"),
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_surfaces_are_called_by_their_names_in_every_summary(name: str) -> None:
+    """And nobody's are interaction, or have moments, or a width that is not known."""
+    given, called = SURFACES[name]
+    solution = solve(builtin_scene("single-block"), **given)
+    console = Console(width=200)
+    with console.capture() as capture:
+        console.print(summary(solution, []))
+        console.print(details(solution, "built-in", None))
+    texts = {
+        "repr": repr(solution),
+        "summary": capture.get(),
+        "notebook": unescape(solution._repr_html_()),
+        "report": unescape(str(solution.report())),
+        "title": title(solution),
+    }
+    for where, text in texts.items():
+        told = {"conic": "Coulomb", "octagon": "octagonal"} if where == "title" else {}
+        assert told.get(called, called) in text or (called, where) == ("conic", "summary")
+        assert "interaction" not in text, where
+        assert "moments" not in text, where
+        assert "?" not in text.replace("which reading?", ""), where

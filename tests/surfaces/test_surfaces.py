@@ -27,6 +27,7 @@ from cvxlimit.surfaces import (
     Conic,
     Facets,
     Norm,
+    Parabola,
     Rocking,
     Sliding,
     Torsion,
@@ -132,21 +133,42 @@ class TestFacets:
         assert (low - ROUNDING <= gauge).all()
         assert (gauge <= high + ROUNDING).all()
 
-    @pytest.mark.parametrize("polar", [False, True])
-    def test_constraints_say_the_same(self, k: int, circumscribed: bool, polar: bool) -> None:
-        """The least bound that the CVXPY constraints allow is the gauge in NumPy.
 
-        To 1e-7: Clarabel at its default 1e-8 on numbers of order one.
-        """
-        v = vectors(4, 20)
-        cone = facets(k, circumscribed)
-        bound = cp.Variable(20)
-        rows = [cp.Constant(row) for row in v]
-        into = Constraints()
-        (cone.polar_epigraph if polar else cone.epigraph)(into, bound, rows)
-        cp.Problem(cp.Minimize(cp.sum(bound)), into.all).solve(solver=cp.CLARABEL)
-        expected = (cone.polar_gauge if polar else cone.gauge)(v)
-        np.testing.assert_allclose(bound.value, expected, atol=1e-7)
+class Diamond(Cone):
+    """abs(v1) + abs(v2): with w >= abs(v1), abs(v2) <= t - w."""
+
+    def gauge_of(self, rows: np.ndarray) -> np.ndarray:
+        return np.asarray(np.abs(rows).sum(axis=0))
+
+    def polar_gauge_of(self, rows: np.ndarray) -> np.ndarray:
+        return np.asarray(np.abs(rows).max(axis=0))
+
+    def rows_of(self, size: int) -> tuple[np.ndarray, np.ndarray]:
+        linear = [[0.0, -1.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0]]
+        linear += [[1.0, 0.0, -1.0, -1.0], [1.0, 0.0, 1.0, -1.0]]
+        return np.array(linear), np.zeros((0, 4))
+
+
+CONES = [(Conic(), 2), (Conic(), 4), (Parabola(), 3), (Diamond(), 2)]
+CONES += [(facets(k, side), 2) for k in KS for side in (True, False)]
+
+
+@pytest.mark.parametrize("polar", [False, True])
+@pytest.mark.parametrize(("cone", "size"), [*CONES, (Diamond(), 1)], ids=str)
+def test_matrices_of_a_cone_are_its_gauge_and_its_polar(cone: Cone, size: int, polar: bool) -> None:
+    """The least bound that they allow is what NumPy says, for both. To 1e-7: Clarabel at its
+    default 1e-8 on numbers of order one."""
+    v = np.random.default_rng(size).normal(size=(size, 20))
+    into = Constraints()
+    if polar:
+        bound, rows = cone.polar(into, 20, size)
+        for row, values in zip(rows, v, strict=True):
+            into.zero(row - values)
+    else:
+        cone.epigraph(into, bound := cp.Variable(20), [cp.Constant(row) for row in v])
+    cp.Problem(cp.Minimize(cp.sum(bound)), into.all).solve(solver=cp.CLARABEL)
+    expected = (cone.polar_gauge if polar else cone.gauge)(list(v))
+    np.testing.assert_allclose(bound.value, expected, atol=1e-7)
 
 
 def test_facets_approach_the_circle_as_one_over_k_squared() -> None:

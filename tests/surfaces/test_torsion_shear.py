@@ -19,8 +19,17 @@ from cvxlimit.geometry.polygons import torsion_arm
 from cvxlimit.io import read_result
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.exact_friction import ExactFriction
-from cvxlimit.model.point_friction import ExactFlow, PointFriction, at_centroids, at_corners
-from cvxlimit.surfaces import Parabola, ParabolicTorsionShear, Rocking
+from cvxlimit.model.point_friction import PointFriction, at_centroids, at_corners
+from cvxlimit.proof.flow import ExactFlow
+from cvxlimit.surfaces import (
+    Parabola,
+    ParabolicTorsionShear,
+    Rocking,
+    Sliding,
+    Torsion,
+    TorsionShear,
+    YieldSurface,
+)
 from cvxlimit.surfaces.exact_torsion import Edges, limit_states, parabola_arm
 from exhaustive import slow
 from helpers import assert_certified, contact_of, regular, rotations
@@ -281,6 +290,22 @@ class TestExact:
         assert run(["solve", "stack", "--surface", "parabolic", "--json", str(out)]) == 0
         assert json.loads(out.read_text())["torsion_shear"] == "parabolic"
         assert read_result(out).torsion_shear == "parabolic"
+
+
+@pytest.mark.parametrize(
+    ("surfaces", "word"),
+    [
+        ([Rocking(), TorsionShear()], "linear"),
+        ([Rocking(), Sliding(), Torsion()], ""),
+        ([Rocking(), ParabolicTorsionShear()], ""),
+    ],
+)
+def test_what_a_solution_says_of_torsion_and_shear_is_what_its_surfaces_state(
+    surfaces: list[YieldSurface], word: str
+) -> None:
+    solution = solve(builtin_scene("stack"), surfaces)
+    assert solution.torsion_shear == word
+    assert solution.surface_name == solution.surface
 
 
 @pytest.mark.exhaustive

@@ -23,6 +23,7 @@ LAYERS = (
     {"base"},
     {"geometry"},
     {"scene", "solvers"},
+    {"surroundings"},
     {"masonry", "surfaces"},
     {"solution"},
     {"model"},
@@ -44,6 +45,10 @@ LAYERS = (
 ``extensions`` are the core; ``compare`` and ``studies`` are names that users know extensions by."""
 
 CORE = {name for names in LAYERS[: [*LAYERS].index({"extensions"})] for name in names}
+
+DESK = {"surroundings", "masonry", "results", "io", "plotting", "proving", "cli"}
+"""Rooms of the core that a load factor with a bracket does without: what builds scenes, reads
+files and results, draws and prints. The others are the first floor (CONTRIBUTING.md)."""
 
 OUTSIDE = {"errors", "base", "geometry", "scene", "solution"}
 """All that files and pictures see besides themselves; pictures also see what is read off
@@ -190,6 +195,19 @@ def test_no_extension_imports_another(name: str) -> None:
     assert not others, f"{name} knows {others}, of another extension: go through the core"
 
 
+@pytest.mark.parametrize("name", [n for n in NAMES if n.split(".")[0] in CORE - DESK])
+def test_the_first_floor_imports_nothing_of_the_desk(name: str) -> None:
+    above = {m for m in imported(name) if m.split(".")[0] not in CORE - DESK}
+    assert not above, f"{name} imports {sorted(above)}, of the desk"
+
+
+def test_contributing_names_the_rooms_of_each_floor() -> None:
+    page = (SOURCE.parents[1] / "CONTRIBUTING.md").read_text("utf-8")
+    rows = re.findall(r"^\| \d\. .*$", page, re.MULTILINE)
+    for row, rooms in zip(rows[:2], (CORE - DESK - {"errors"}, DESK), strict=True):
+        assert rooms <= {*re.findall(r"`(\w+)`", row)}
+
+
 def test_what_is_offered_is_there() -> None:
     """Every table names what can be loaded, and what an extension offers is its own."""
     for group, places in OFFERED.items():
@@ -197,6 +215,8 @@ def test_what_is_offered_is_there() -> None:
             assert loaded(place) is not None, (group, name)
             assert not extension_of(place.removeprefix("cvxlimit."))
     for table, folder in zip(extensions.tables(), iter_modules(extensions.__path__), strict=True):
+        names = {group: {*line.split()} for group, line in extensions.SHIPPED[folder.name].items()}
+        assert names == {group: places.keys() for group, places in table.items()}, folder.name
         for group, places in table.items():
             for name, place in places.items():
                 assert loaded(place) is not None, (group, name)

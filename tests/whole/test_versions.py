@@ -51,7 +51,7 @@ def test_unknown_names_are_refused_as_by_any_module() -> None:
 
 def test_modules_do_not_hide_behind_functions() -> None:
     """In a process of its own, where nothing has been imported yet."""
-    pytest.importorskip("cvxlimit.extensions.compare")
+    pytest.importorskip("cvxlimit.extensions.studies")
     code = "import cvxlimit; cvxlimit.compare.Model; cvxlimit.solve; import cvxlimit.io as io; io"
     subprocess.run([sys.executable, "-c", code], check=True)
     with pytest.raises(ImportError):

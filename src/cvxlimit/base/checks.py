@@ -28,7 +28,9 @@ def of_type(value: Any, kind: type | tuple[type, ...], what: str, cure: str = ""
     return value
 
 
-def members(value: Any, kind: type, what: str, cure: str = "") -> tuple[Any, ...]:
+def members(
+    value: Any, kind: type | tuple[type, ...], what: str, cure: str = ""
+) -> tuple[Any, ...]:
     if isinstance(value, kind):
         return (value,)
     return tuple(of_type(x, kind, what, cure) for x in of_type(value, Iterable, what, cure))
@@ -50,9 +52,12 @@ def meant(
 
 
 def check_choice(what: str, value: object, allowed: Collection[str]) -> None:
-    """Refuses a ``value`` that is none of the ``allowed`` names, or of those behind a door."""
+    """Refuses a ``value`` that is none of the ``allowed`` names, or of those behind a door, and
+    tells which extension it is of if that is missing."""
     if isinstance(value, str) and value in allowed:
         return
+    if isinstance(allowed, Door) and isinstance(value, str):
+        allowed.check(value)
     got = repr(value)
     if isinstance(value, type):
         got = f"the class {value.__name__}: write {value.__name__}()"

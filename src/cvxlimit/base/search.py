@@ -148,13 +148,14 @@ def processes(workers: int) -> Iterator[Executor | None]:
     if workers < 2:
         yield None
         return
-    pool = ProcessPoolExecutor(workers, initializer=_ignore_interrupts)
+    pool = ProcessPoolExecutor(workers, initializer=_leave_signals)
     try:
         yield pool
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _ignore_interrupts() -> None:
-    """Makes this process ignore Ctrl-C."""
+def _leave_signals() -> None:
+    """Makes this process ignore Ctrl-C, and end in silence at TERM, which its parent may catch."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -10,13 +10,14 @@ from cvxlimit.base.checks import check_choice
 from cvxlimit.base.versions import __version__
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import Command, either
-from cvxlimit.cli.report import ExitCode, check_outputs, counted, facts, scene_file, show
+from cvxlimit.cli.report import check_outputs, counted, facts, scene_file
+from cvxlimit.cli.shell import ExitCode, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.io.exporting import EXPORTS, export
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.program import LimitProgram
-from cvxlimit.reductions.choice import ModelName, Reductions
+from cvxlimit.reductions.choice import PLANAR_FROM, ModelName, Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import known
 from cvxlimit.solvers.program import ConeProgram
@@ -47,6 +48,7 @@ class ExportCommand(Command):
 
     def run(self) -> ExitCode:
         form = self.format.lower()
+        EXPORTS.check(f".{form}")
         check_choice("--format", form, [kind[1:] for kind in EXPORTS])
         scene = scene_named(self.scene)
         path = self.output or Path(f"{Path(scene.name).name}.{form}")
@@ -105,7 +107,8 @@ def problem_of(
 ) -> tuple[ConeProgram, tuple[str, str]]:
     """The problem of all parts of a scene; what it is, and what is proved of its optimum."""
     surfaces = surfaces_of(surface)[0]
-    found = Reductions.of(Assemblage.of(scene), surfaces, model=model)
+    about = Assemblage.of(scene), surfaces
+    found = Reductions.of(*about, model=model, planar_from=PLANAR_FROM)
     limit = LimitProgram(found.assemblage, surfaces, reduction=found.best())
     unit = limit.scaling.load_factor(1.0)
     solution = solve(scene, surface, model=model)

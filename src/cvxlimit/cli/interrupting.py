@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import ctypes
+import signal
 import sys
-from collections.abc import Callable
-from threading import Event, Thread
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event, Thread, current_thread, main_thread
 from typing import Generic, TypeVar
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from cvxlimit.cli.report import VOICE
-from cvxlimit.io.fields import one_line
+from cvxlimit.base.lines import one_line
+from cvxlimit.cli.shell import VOICE
 from cvxlimit.methods.driver import ProgressLine
 
 T = TypeVar("T")
@@ -61,16 +63,17 @@ class Work(Generic[T]):
         """
         self._thread.start()
         is_stopped = False
-        while True:
-            try:
-                while not self._is_over.wait(0.1) and self._thread.is_alive():
-                    look(_WAITING if is_stopped else self.message)
-                break
-            except KeyboardInterrupt:
-                if is_stopped or not self.has_result:
-                    raise
-                is_stopped = True
-                self._stop()
+        with _term_as_ctrl_c():
+            while True:
+                try:
+                    while not self._is_over.wait(0.1) and self._thread.is_alive():
+                        look(_WAITING if is_stopped else self.message)
+                    break
+                except KeyboardInterrupt:
+                    if is_stopped or not self.has_result:
+                        raise
+                    is_stopped = True
+                    self._stop()
         if self._error:
             raise self._error[0]
         if not self._outcome:
@@ -80,6 +83,20 @@ class Work(Generic[T]):
     def _stop(self) -> None:
         identity = ctypes.c_ulong(self._thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(identity, ctypes.py_object(KeyboardInterrupt))
+
+
+@contextmanager
+def _term_as_ctrl_c() -> Iterator[None]:
+    """Meanwhile TERM, by which batch systems end what takes too long, counts as Ctrl-C."""
+    is_ours = current_thread() is main_thread() and hasattr(signal, "SIGTERM")
+    if not is_ours or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def with_result(tell: Tell) -> Tell:

@@ -9,20 +9,13 @@ from typing import Any
 
 from rich.text import Text
 
+from cvxlimit.base.lines import one_line
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import Command
-from cvxlimit.cli.report import (
-    SCENE_PICTURES,
-    ExitCode,
-    counted,
-    facts,
-    files_asked,
-    show,
-    warn_of_geometry,
-)
+from cvxlimit.cli.report import SCENE_PICTURES, counted, facts, files_asked, warn_of_geometry
+from cvxlimit.cli.shell import ExitCode, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import one_line
 from cvxlimit.methods.solving import TABLE
 from cvxlimit.plotting import plot_scene, refused
 from cvxlimit.reductions.explaining import explain

@@ -1,5 +1,7 @@
 """The command line: ``cvxlimit`` with its commands, each in a module beside this one.
 
+What a command needs is imported when it is asked for, so that help and version come at once.
+
 Typer parses and nothing else: commands return the work to be done, and :func:`run` does it, so
 that errors, Ctrl-C and exit codes are handled in one place. The summary goes to stdout; progress
 and errors, one line each, go to stderr.
@@ -7,17 +9,19 @@ and errors, one line each, go to stderr.
 
 from __future__ import annotations
 
+import ast
 import io
 import json
 import os
 import sys
 import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 from multiprocessing import active_children
+from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -26,10 +30,8 @@ from rich.text import Text
 from cvxlimit.base.doors import Door
 from cvxlimit.base.versions import __version__
 from cvxlimit.cli.options import Job, typer_command
-from cvxlimit.cli.report import ExitCode, listing, refuse, show
+from cvxlimit.cli.shell import ExitCode, refuse, show
 from cvxlimit.errors import CvxlimitError, InputError, ModelError, NoAnswerError
-from cvxlimit.io import json_schema
-from cvxlimit.masonry import BUILTIN
 
 app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -74,19 +76,34 @@ def _scenes_command(
 COMMANDS = Door("cvxlimit.commands")
 
 
-def _add(name: str) -> None:
+def add(name: str) -> None:
     """Take a command from its door: a record of options, or of others a function for Typer."""
     made = COMMANDS[name]
     command = typer_command(made) if isinstance(made, type) else made
     app.command(name, epilog=getattr(command, "epilog", None))(command)
+    _LOADED.add(name)
 
 
-for _name in COMMANDS:
-    _add(_name)
+def _summary(place: str) -> str:
+    """The docstring of a command, from the text of its module, which is not imported."""
+    module, _, attribute = place.partition(":")
+    file = Path(__file__).parents[1].joinpath(*module.split(".")[1:]).with_suffix(".py")
+    tree = ast.parse(file.read_text("utf-8"))
+    kinds = (ast.ClassDef, ast.FunctionDef)
+    made = next(n for n in tree.body if isinstance(n, kinds) and n.name == attribute)
+    return (ast.get_docstring(made) or "").split("\n\n")[0]
 
 
-def main() -> NoReturn:
-    code = run(sys.argv[1:])
+_LOADED = {"scenes"}
+"""Commands that are all there; of others the list of commands has the name and a line."""
+
+for _name, _place in COMMANDS.places.items():
+    app.command(_name, help=_summary(_place))(lambda: None)
+
+
+def main(when_imported: Callable[[], object] = lambda: None) -> NoReturn:
+    """Runs the command, and calls ``when_imported`` once all that it needs is imported."""
+    code = run(sys.argv[1:], when_imported)
     workers = active_children()
     if workers:  # of what was interrupted: their pool's thread would report an accident
         threading.excepthook = lambda _: None
@@ -100,11 +117,11 @@ def main() -> NoReturn:
     sys.exit(code)
 
 
-def run(arguments: Sequence[str]) -> int:
+def run(arguments: Sequence[str], when_imported: Callable[[], object] = lambda: None) -> int:
     """Do what the arguments ask and return the exit code; nothing is raised."""
     _survive_any_encoding()
     try:
-        return _dispatch(list(arguments) or ["--help"])
+        return _dispatch(list(arguments) or ["--help"], when_imported)
     except NoAnswerError as error:
         return refuse(ExitCode.NO_ANSWER, str(error))
     except (InputError, ModelError) as error:
@@ -127,13 +144,20 @@ def run(arguments: Sequence[str]) -> int:
         return _internal(error)
 
 
-def _dispatch(arguments: list[str]) -> int:
+def parsed(arguments: Sequence[str]) -> Any:
+    """The work that arguments ask for, not done yet; Typer's errors are raised."""
     name = arguments[0]
-    if not name.startswith("-") and name not in _known() and name in COMMANDS:
-        _add(name)  # of another distribution
+    if not name.startswith("-") and name not in _LOADED:
+        COMMANDS.check(name)
+        if name in COMMANDS:
+            add(name)
     command: Any = typer.main.get_command(app)
+    return command.main(args=list(arguments), prog_name="cvxlimit", standalone_mode=False)
+
+
+def _dispatch(arguments: list[str], when_imported: Callable[[], object]) -> int:
     try:
-        job = command.main(args=arguments, prog_name="cvxlimit", standalone_mode=False)
+        job = parsed(arguments)
     except Exception as error:
         # Typer's usage errors have no public class that is the same in all its versions.
         if not hasattr(error, "format_message"):
@@ -144,6 +168,7 @@ def _dispatch(arguments: list[str]) -> int:
         if getattr(error, "option_name", None) == "--friction":
             reason = "friction is the scene's: set it there, or cvxlimit sweep --vary friction=0.5"
         return refuse(ExitCode.BAD_INPUT, f"{reason}; see cvxlimit {_helped(arguments)}--help")
+    when_imported()
     return int(job()) if callable(job) else ExitCode.SOLVED
 
 
@@ -168,19 +193,9 @@ def _internal(error: Exception) -> ExitCode:
         return ExitCode.INTERNAL_ERROR
     return refuse(
         ExitCode.INTERNAL_ERROR,
-        f"internal error, please report it with your scene{_where()} "
+        "internal error, please report it with your scene to where you have cvxlimit from "
         f"({type(error).__name__}: {error}); CVXLIMIT_DEBUG=1 shows where",
     )
-
-
-def _where() -> str:
-    from importlib.metadata import PackageNotFoundError, metadata  # 20 ms, rarely needed
-
-    with suppress(PackageNotFoundError):
-        for line in metadata("cvxlimit").get_all("Project-URL") or ():
-            if line.startswith("Issues, "):
-                return f" at {line.removeprefix('Issues, ')}"
-    return ""
 
 
 def _survive_any_encoding() -> None:
@@ -196,6 +211,10 @@ def _discard_stdout() -> None:
 
 
 def _list(schema: bool) -> ExitCode:
+    from cvxlimit.cli.report import listing
+    from cvxlimit.io import json_schema
+    from cvxlimit.masonry import BUILTIN
+
     if schema:
         typer.echo(json.dumps(json_schema("scene"), indent=1))
     else:

@@ -25,7 +25,7 @@ from typing import Annotated, Any, ClassVar, get_type_hints
 import typer
 
 from cvxlimit.base.progressbar import LOG
-from cvxlimit.cli.report import VOICE
+from cvxlimit.cli.shell import VOICE
 from cvxlimit.errors import InputError, ModelError
 
 Job = Callable[[], int]

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 from rich.text import Text
 
+from cvxlimit.base.lines import one_line
 from cvxlimit.cli.options import Command
-from cvxlimit.cli.report import ExitCode, counted, refuse, show
+from cvxlimit.cli.report import counted
+from cvxlimit.cli.shell import ExitCode, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
-from cvxlimit.io.fields import one_line
 from cvxlimit.proving.prove import prove
 
 
@@ -22,8 +23,8 @@ class ProveCommand(Command):
     Arguments
     ---------
     file : FILE|FOLDER
-        Result file (solve --json), load domain (domain --json), path (pushover --json), or folder
-        of a sweep (sweep --output).
+        Result file (solve, settle --json), load domain (domain --json), path (pushover --json), or
+        folder of a sweep (sweep --output).
 
     Model
     -----

@@ -1,32 +1,33 @@
-"""What the command line shows and refuses: tables of text, exit codes, files it cannot write."""
+"""What commands show and refuse: tables of text, verdicts, files that cannot be written."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from contextvars import ContextVar
-from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from cvxlimit.base.doors import Door
 from cvxlimit.base.files import write_file
+from cvxlimit.base.lines import one_line
+from cvxlimit.cli.shell import complain
 from cvxlimit.errors import InputError, ModelError
-from cvxlimit.io.fields import one_line
 from cvxlimit.masonry import BUILTIN
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.reductions.choice import PLANAR_FROM, Reductions
 from cvxlimit.reductions.explaining import duration, expected_seconds
 from cvxlimit.scene import Scene
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solution.said import basis_of, said
+from cvxlimit.surfaces.coulomb import needed_surfaces
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -40,31 +41,6 @@ LIBRARIES[".vtu"] = ("files for ParaView", "PyVista", "pyvista")
 
 SCENE_PICTURES = (".png", ".html", ".svg", ".pdf")
 """What a scene without a solution can be drawn as."""
-
-
-VOICE = ContextVar("voice", default=0)
-"""How much a command says: -1 nothing but errors, 1 every step as well."""
-
-
-class ExitCode(IntEnum):
-    """What the shell gets to see."""
-
-    SOLVED = 0
-    INTERNAL_ERROR = 1
-    BAD_INPUT = 2
-    NO_ANSWER = 3
-    NOT_GOOD_ENOUGH = 4
-    INTERRUPTED = 130
-
-
-def complain(message: str) -> None:
-    if sys.stderr is not None:
-        sys.stderr.write(f"cvxlimit: {one_line(message)}\n")
-
-
-def refuse(code: ExitCode, message: str) -> ExitCode:
-    complain(message)
-    return code
 
 
 def check_outputs(
@@ -86,6 +62,8 @@ def check_outputs(
             taken = seen[place].removesuffix(":")
             raise InputError(f"{typed}: this is the file of {taken}; choose another name")
         seen[place], suffix = option, path.suffix.lower()
+        if isinstance(suffixes, Door):
+            suffixes.check(suffix, f"{typed}: {suffix}")
         if suffixes and suffix not in suffixes:
             raise InputError(f"{typed}: the name must end in {', '.join(suffixes)}")
         if not suffixes or suffix not in LIBRARIES:
@@ -136,26 +114,13 @@ def _obstacle(path: Path) -> str:
         return f"no file can be written there ({error.strerror}); choose another place"
 
 
-def show(*renderables: RenderableType) -> None:
-    """Print to stdout as it is: ids and paths are no markup, lines end where their text does."""
-    if sys.stdout is None or VOICE.get() < 0:
-        return
-    width = None if sys.stdout.isatty() else 1000  # nothing wraps in files and pipes
-    console = Console(markup=False, emoji=False, highlight=False, width=width)
-    with console.capture() as capture:
-        for renderable in renderables:
-            console.print(renderable)
-    sys.stdout.writelines(f"{line.rstrip()}\n" for line in capture.get().splitlines())
-    sys.stdout.flush()
-
-
 def summary(solution: Solution, files: Sequence[str], other: Solution | None = None) -> Table:
     """The verdict, in short rows for somebody who reads three lines; ``other`` is without
     dilatancy."""
     told = said(solution)
     verdict = Text(told.value, style="bold").append(f"   {told.standing}", _style(solution))
     rows: list[tuple[str, str | Text]] = [(solution.quantity, verdict)]
-    if solution.surface != "conic" or solution.interaction != "none":
+    if solution.surface_name != "conic" or solution.interaction != "none":
         rows.append(("model", _model(solution)))
     rows += [(name, Text(row, style="yellow")) for name, row in told.rows]
     if solution.lumped is not None and solution.lumped.is_worth_a_word:
@@ -169,11 +134,16 @@ def summary(solution: Solution, files: Sequence[str], other: Solution | None = N
 
 def _model(solution: Solution) -> str:
     bending = f"; bending: {solution.interaction}, {solution.moments} moments"
-    return f"{solution.surface} surface" + (bending if solution.interaction != "none" else "")
+    return f"{solution.surface_name} surface" + (bending if solution.interaction != "none" else "")
 
 
 def _time(solution: Solution, method: str) -> str:
-    seconds = expected_seconds(solution.contacts, "planar" in solution.model)
+    is_plane, scene = "planar" in solution.model, solution.solved_scene
+    if method and scene is not None and solution.contacts < PLANAR_FROM:
+        # other methods take its plane at any size
+        found = Reductions.of(Assemblage.of(scene), needed_surfaces(solution.surfaces))
+        is_plane = found.plane is not None
+    seconds = expected_seconds(solution.contacts, is_plane)
     return f" ({duration(seconds[method])})" if method in seconds else ""
 
 
@@ -188,8 +158,7 @@ def details(solution: Solution, origin: str, tolerance: float | None) -> Table:
             ("scene", f"{solution.scene_name} ({origin})"),
             ("size", f"{blocks} x {counted(solution.contacts, 'contact')}"),
             ("friction", _friction(solution.solved_scene)),
-            ("surface", solution.surface),
-            ("torsion-shear", "" if solution.torsion_shear == "linear" else solution.torsion_shear),
+            ("surface", solution.surface_name),
             ("flow", solution.flow),
             ("reduced", ", ".join(solution.model)),
             ("bracket", f"{bracket}, {_width(bracket)}{asked}" if bracket.has_any else ""),

@@ -19,19 +19,15 @@ from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import Command, either, vector
 from cvxlimit.cli.report import (
     PICTURES,
-    VOICE,
-    ExitCode,
     check_outputs,
-    complain,
     details,
     facts,
-    refuse,
     scene_file,
-    show,
     summary,
     verdict,
     warn_of_geometry,
 )
+from cvxlimit.cli.shell import VOICE, ExitCode, complain, refuse, show
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.io import export, read_scene, write_result
 from cvxlimit.io.exporting import EXPORTS
@@ -55,8 +51,10 @@ def scene_named(name: str) -> Scene:
         return builtin_scene(name)
     looks_like_file = Path(name).suffix or Path(name).name != name
     if looks_like_file or os.path.exists(name):
-        geometry = {*Door("cvxlimit.readers")} - {".json"}
-        if Path(name).suffix.lower() in geometry and os.path.isfile(name):
+        readers, suffix = Door("cvxlimit.readers"), Path(name).suffix.lower()
+        if suffix != ".json" and os.path.isfile(name):
+            readers.check(suffix, f"{name}: geometry in {suffix} files")
+        if suffix in {*readers} - {".json"} and os.path.isfile(name):
             raise InputError(f"{name}: this is geometry: cvxlimit import makes a scene of it")
         return read_scene(name)
     cure = meant(name, BUILTIN, "cvxlimit scenes lists the built-in ones")
@@ -175,7 +173,7 @@ class SolveCommand(Command):
     Arguments
     ---------
     scene : SCENE
-        Built-in name, or scene file: ./NAME if both.
+        Built-in, or a file: ./NAME if both.
 
     Model
     -----
@@ -190,13 +188,12 @@ class SolveCommand(Command):
     solver : NAME
         The one solver to use: any that CVXPY has installed.
     model : NAME
-        auto (default), reduced where that saves time; full; or least, the smallest that is valid.
-        Bounds hold for the full scene.
+        auto (default), reduced where that pays; full; or least. Bounds hold for the full scene.
 
     Output
     ------
     export : FILE
-        Contacts with their forces (.csv), or the blocks (.obj, .glb).
+        Forces (.csv), or blocks (.obj, .glb).
     no_dilatancy
         Its number leads the report.
     sensitivity
@@ -205,18 +202,25 @@ class SolveCommand(Command):
     Effort
     ------
     tolerance : WIDTH
-        Width of the bracket, or last change: 1e-5; fixed point 1e-4; exact 1e-3; certified 1 % as
-        time allows.
+        Of the bracket, or of the last change.
     branching_seconds : S
-        Of branch and bound; unless given, 60 with a tolerance or up to 6 contacts, else 10.
+        Of branch and bound; 10 to 60 by default.
     workers : N
-        Processes of branch and bound.
+        Processes of branching, or of draws.
     searches : N
         Without dilatancy, each from a new seed.
     budget : N
         Of each search; unless given, {budget}.
     seed : N
-        Seed of the first search; unless given, 0.
+        Of the first search, or draw of beds; 0.
+    ratio : R
+        From rest: shear by normal stiffness; 0.4.
+    steps : N
+        From rest: most steps; unless given, 150.
+    bedding : GAP
+        From rest: in elastic shortenings.
+    draws : N
+        From rest: of beds; unless given, 20.
 
     Exit code
     ---------
@@ -248,13 +252,19 @@ class SolveCommand(Command):
     searches: int | None = None
     budget: int | None = None
     seed: int | None = None
+    ratio: float | None = None
+    steps: int | None = None
+    bedding: float | None = None
+    draws: int | None = None
 
     def run(self) -> ExitCode:
         files = Files(self.json, self.plot, self.export, self.report, self.no_dilatancy)
         files.check(self.scene)
         settings: Any = {"surface": self.surface, **self._settings()}
-        if self.no_dilatancy and self.report is None:
-            raise InputError("--no-dilatancy goes with --report, on whose page its number is")
+        if self.no_dilatancy:
+            if self.report is None:
+                raise InputError("--no-dilatancy goes with --report, on whose page its number is")
+            Door("cvxlimit.methods").check("zero-dilatancy", "what --no-dilatancy asks for")
         if self.sensitivity and self.method not in (None, "convex"):
             raise InputError(
                 f"--sensitivity goes with method convex, got {self.method!r}: the answer of no "
@@ -277,14 +287,17 @@ class SolveCommand(Command):
         """Of :func:`cvxlimit.solve`; the options of one method go into it."""
         names = ("method", "moments", "tolerance", "model", "solver")
         given: dict[str, Any] = {name: getattr(self, name) for name in names}
-        efforts = {name: getattr(self, name) for name in ("searches", "budget", "seed")}
-        if chosen := {name: value for name, value in efforts.items() if value is not None}:
-            if self.method != "zero-dilatancy":
-                named = " and ".join(f"--{name}" for name in chosen)
-                verb = "goes" if len(chosen) == 1 else "go"
-                raise ModelError(f"{named} {verb} with --method zero-dilatancy")
-            given["method"] = TABLE[self.method](**chosen)
-        if self.branching_seconds is None and self.workers == 1:
+        own = ("searches", "budget", "seed", "ratio", "bedding", "draws")
+        efforts: dict[str, Any] = {name: getattr(self, name) for name in own} | {
+            "max_steps": self.steps
+        }
+        chosen = {name: value for name, value in efforts.items() if value is not None}
+        is_drawn = self.workers > 1 and self.bedding is not None
+        if is_drawn and self.branching_seconds is None:
+            chosen["workers"] = self.workers
+        if chosen:
+            given["method"] = TABLE[self._taking(chosen)](**chosen)
+        if self.branching_seconds is None and (self.workers == 1 or is_drawn):
             return given
         if self.method != "certified":
             raise ModelError("--branching-seconds and --workers go with --method certified")
@@ -296,10 +309,21 @@ class SolveCommand(Command):
         branching = {"branching_seconds": self.branching_seconds, "workers": self.workers}
         return {**given, "method": TABLE[self.method](**branching)}
 
+    def _taking(self, chosen: Collection[str]) -> str:
+        """The method asked for, which must have all settings that were chosen."""
+        fit = [x for x in TABLE if all(hasattr(TABLE[x], name) for name in chosen)]
+        if self.method in fit:
+            return str(self.method)
+        options = [f"--{name.removeprefix('max_')}" for name in chosen]
+        verb = "goes" if len(options) == 1 else "go"
+        if not fit:
+            raise ModelError(f"{' and '.join(options)} do not go together")
+        raise ModelError(f"{' and '.join(options)} {verb} with --method {' or '.join(fit)}")
+
 
 @contextmanager
 def _prints_on_stderr() -> Iterator[None]:
-    """Native code prints on stderr for a while: HiGHS introduces itself on stdout, which is a
+    """Native code prints on stderr for a while, as solvers of other packages may: stdout is a
     result's alone where one is asked for there."""
     sys.stdout.flush()
     kept = os.dup(1)

@@ -149,8 +149,9 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             worst = int(np.argmin(depth))
             name = self.names[int(owner[place[worst]])]
             raise GeometryError(
-                f"contact {name!r}: the hull of its corners leaves out a corner of its pieces by "
-                f"{-depth[worst]:.3g}, so that no answer would be right; please report this scene",
+                f"contact {name!r}: faces as rough as these leave it no outline that holds all of "
+                f"it (a corner lies {-depth[worst]:.3g} outside), so that no answer would be "
+                "right: give a larger joint_tolerance, or faces that are plane",
                 blocks=tuple(self.block_ids[x[int(owner[place[worst]])]] for x in (self.a, self.b)),
             )
 

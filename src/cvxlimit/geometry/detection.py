@@ -8,11 +8,12 @@ A contact is all that two blocks share in one plane; which facets share one is s
 3. Joints: where two facets overlap in the plane midway between them, and the gap there says
    whether that is a contact, a near miss, or neither.
 4. Where a joint is curved, contacts between single faces take the place of those of facets.
-5. Blocks that share volume are refused, and those that touch no other.
+5. Blocks that share volume are refused, those that touch no other, and those that meet in points.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -26,10 +27,11 @@ from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.curved import by_face
 from cvxlimit.geometry.facing import Reach, facing_pairs, patches
 from cvxlimit.geometry.joints import Joints
+from cvxlimit.geometry.mesh import polygon_vectors
 from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.nearmisses import NearMiss, cure_of_all, rounded_up
 from cvxlimit.geometry.penetration import Overlaps
-from cvxlimit.geometry.strengths import DEFAULT_FRICTION
+from cvxlimit.geometry.strengths import DEFAULT_FRICTION, Pair
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +63,8 @@ def detect(
     ------
     GeometryError
         If a block touches no other and is none of those ``tied`` to another, if blocks share
-        volume, or if ``joint_tolerance`` is more than a free block is thick.
+        volume, if most of those that meet do so in points, or if ``joint_tolerance`` is more than
+        a free block is thick.
     """
     if joint_tolerance is not None:
         joint_tolerance = positive(joint_tolerance, "joint_tolerance")
@@ -80,6 +83,7 @@ def detect(
     overlaps.refuse()
     contacts = Contacts.joined(parts)
     is_tied = np.array([b.id in tied for b in blocks])
+    _check_faces_meet(blocks, contacts, misses)
     _check_every_block_is_held(blocks, contacts, is_fixed, is_tied, misses)
     ids = {block.id for block, held in zip(blocks, is_fixed, strict=True) if held}
     both = is_fixed[contacts.a] & is_fixed[contacts.b]
@@ -105,6 +109,34 @@ def _limit(blocks: Sequence[Block], reach: Reach, is_fixed: BoolArray) -> float:
             blocks=(block.id,),
         )
     return limit
+
+
+_FEW = 2
+"""Pairs of blocks that may lean on each other as they are drawn; hulls do so by the dozen."""
+
+
+def _check_faces_meet(
+    blocks: Sequence[Block], contacts: Contacts, misses: Sequence[NearMiss]
+) -> None:
+    """Refuses blocks most of which meet in points: faces at an angle that pass each other closely,
+    with more of them there than in the joints, as hulls of scanned stones have them."""
+    joined, apart = defaultdict[Pair, float](float), defaultdict[Pair, float](float)
+    for a, b, area in zip(contacts.a.tolist(), contacts.b.tolist(), contacts.area, strict=True):
+        joined[blocks[a].id, blocks[b].id] += float(area)
+    for miss in misses:
+        if miss.kind == "angle":
+            apart[miss.a, miss.b] += float(np.linalg.norm(polygon_vectors(miss.outline)))
+    pointed = [pair for pair in apart if apart[pair] > joined[pair]]
+    meeting = len({*joined, *apart})
+    if len(pointed) > max(_FEW, meeting / 2):
+        raise GeometryError(
+            f"the blocks do not touch in faces: at {len(pointed)} of the {meeting} pairs that meet "
+            "more of the faces passes at an angle than lies in a joint, as hulls of scanned stones "
+            "do, and no load factor would mean anything: give neighbours faces that match, for "
+            "example by cutting both along one plane",
+            points=np.array([miss.place for miss in misses if miss.kind == "angle"]),
+            blocks=tuple(dict.fromkeys(name for pair in pointed for name in pair)),
+        )
 
 
 def _check_every_block_is_held(

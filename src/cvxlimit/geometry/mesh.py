@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 
@@ -64,6 +65,32 @@ class EdgeTable:
         order = np.argsort(self.key, kind="stable")
         order = order[self.uses[self.key[order]] == 2]
         return order[::2], order[1::2]
+
+
+def with_corners_on(
+    sides: IntArray, ends: IntArray, distance: float, points: FloatArray, table: EdgeTable,
+    faces: Sequence[Sequence[int]],
+) -> tuple[Faces, int]:  # fmt: skip
+    """The faces with those of the vertices ``ends`` that lie within ``distance`` of one of the
+    ``sides``, and not near its ends, as corners of its face; and how many were joined."""
+    a, along = points[table.start[sides]], points[table.end[sides]] - points[table.start[sides]]
+    length = np.linalg.norm(along, axis=1)
+    near = cKDTree(points[ends]).query_ball_point(a + 0.5 * along, 0.5 * length + distance)
+    row = np.repeat(np.arange(len(sides)), [len(each) for each in near])
+    corner = ends[np.concatenate([*near, []]).astype(np.int64)]
+    offset = points[corner] - a[row]
+    share = np.einsum("nk,nk->n", offset, along[row]) / length[row] ** 2
+    away = np.linalg.norm(offset - share[:, None] * along[row], axis=1)
+    margin = distance / length[row]
+    hits = np.flatnonzero((away <= distance) & (share > margin) & (share < 1.0 - margin))
+    loops, joined = [list(face) for face in faces], 0
+    for hit in hits[np.lexsort((-share[hits], row[hits]))].tolist():  # the last along a side first
+        side, new = int(sides[row[hit]]), int(corner[hit])
+        loop = loops[int(table.face[side])]
+        if new not in loop:
+            loop.insert(loop.index(int(table.start[side])) + 1, new)
+            joined += 1
+    return tuple(map(tuple, loops)), joined
 
 
 def by_size(faces: Sequence[Sequence[int]]) -> Iterator[tuple[IntArray, IntArray]]:

@@ -202,6 +202,9 @@ def convex_body(points: FloatArray, faces: Faces) -> Body | None:
         return None
     if len(set().union(*faces)) < len(points):
         return None
+    # Once: a body that is written twice has Euler's number twice.
+    if len(points) - len(edges_of) // 2 + len(faces) != 2:
+        return None
     volume, centroid = mesh.volume_and_centroid(points, oriented)
     return Body(oriented, volume, centroid, True) if volume > tolerance**3 else None
 

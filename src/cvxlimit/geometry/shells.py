@@ -48,8 +48,15 @@ class Shells:
     folds: BoolArray
 
     @classmethod
-    def of(cls, points: FloatArray, faces: Sequence[Sequence[int]], table: EdgeTable) -> Shells:
-        """Returns the shells of faces over ``points`` (k, 3), whose sides are ``table``.
+    def of(
+        cls,
+        points: FloatArray,
+        faces: Sequence[Sequence[int]],
+        table: EdgeTable,
+        blur: float = 0.0,
+    ) -> Shells:
+        """Returns the shells of faces over ``points`` (k, 3), whose sides are ``table`` and whose
+        corners may be off by ``blur`` (length).
 
         Every closed shell is oriented so that it encloses a positive volume, also one that bounds a
         cavity in another.
@@ -61,7 +68,7 @@ class Shells:
         shell = np.where(closed, sheet, -1)
         # Sheets that meet at edges of more than two faces are joined to shells there.
         if (table.uses[table.key[closed[table.face]]] > 2).any():
-            joiner = _SheetJoiner(points, faces, table, sheet, turned)
+            joiner = _SheetJoiner(points, faces, table, sheet, turned, blur)
             shell, turned = joiner.shells(shell)
             closed = shell >= 0
         # Shells are numbered from 0, and reversed as a whole where their volume is negative.
@@ -117,6 +124,10 @@ class _Walk:
     sides: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
 
+_BLURRED = 0.01
+"""Radians; a thinner wedge of stone is none that anybody cuts."""
+
+
 class _SheetJoiner:
     """Joins sheets to shells at edges of more than two faces, called *shared* edges here.
 
@@ -146,8 +157,10 @@ class _SheetJoiner:
         table: EdgeTable,
         sheet: IntArray,
         turned: BoolArray,
+        blur: float = 0.0,
     ) -> None:
         self.points, self.faces, self.table = points, _as_tuples(faces), table
+        self.blur = blur
         self.sheet, self.turned = sheet, turned
         self.along = table.start < table.end
         self.place: dict[int, tuple[int, int]] = {}
@@ -168,16 +181,23 @@ class _SheetJoiner:
         # is at the largest of the faces.
         ends = np.sort([table.start[sides[0]], table.end[sides[0]]])
         axis = self.points[ends[1]] - self.points[ends[0]]
-        axis = axis / max(float(np.linalg.norm(axis)), 1e-300)
+        length = max(float(np.linalg.norm(axis)), 1e-300)
+        axis = axis / length
         signs = np.where(self.along[sides], 1.0, -1.0)[:, None]
-        into = np.cross(normals[table.face[sides]], axis) * signs
-        across = into[int(np.linalg.norm(into, axis=1).argmax())]
-        angle = np.arctan2(into @ np.cross(axis, across), into @ across)
+        into = mesh.cross(normals[table.face[sides]], axis) * signs
+        areas = np.linalg.norm(into, axis=1)
+        across = into[int(areas.argmax())]
+        angle = np.arctan2(into @ mesh.cross(axis, across), into @ across)
         turn = np.argsort(angle, kind="stable")
-        # A step in angle starts a new group; the first and the last are one across 2 pi.
-        new = np.diff(angle[turn]) > RELATIVE_TOLERANCE
+        # A step in angle starts a new group; the first and the last are one across 2 pi. Of faces
+        # whose corners are off by the blur, as of two stones at a joint, which comes first is
+        # chance: there the file's orientation decides.
+        near = RELATIVE_TOLERANCE
+        if self.blur:
+            near = max(near, min(_BLURRED, self.blur * length / float(areas.min() or 1e-300)))
+        new = np.diff(angle[turn]) > near
         groups = np.split(sides[turn], np.flatnonzero(new) + 1)
-        if len(groups) > 1 and angle[turn[0]] + 2.0 * np.pi - angle[turn[-1]] <= RELATIVE_TOLERANCE:
+        if len(groups) > 1 and angle[turn[0]] + 2.0 * np.pi - angle[turn[-1]] <= near:
             groups = [np.concatenate([groups[-1], groups[0]]), *groups[1:-1]]
         self.groups[edge] = [np.sort(group).tolist() for group in groups]
         for number, group in enumerate(self.groups[edge]):
@@ -383,9 +403,9 @@ def _inner_point(triangles: FloatArray) -> FloatArray:
     return np.asarray(triangles[largest].mean(axis=0) - step * vectors[largest] / areas[largest])
 
 
-def by_shell(faces: Faces, shell: IntArray) -> list[list[tuple[int, ...]]]:
+def by_shell(faces: Sequence[Sequence[int]], shell: IntArray) -> list[list[Sequence[int]]]:
     """Returns the faces of each shell, by the shell's number; ``shell`` (f,) is that of faces."""
-    result: list[list[tuple[int, ...]]] = [[] for _ in range(int(shell.max()) + 1)]
+    result: list[list[Sequence[int]]] = [[] for _ in range(int(shell.max()) + 1)]
     for face, number in zip(faces, shell.tolist(), strict=True):
         result[number].append(face)
     return result

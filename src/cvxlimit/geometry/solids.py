@@ -53,15 +53,18 @@ def solid(
     """
     points = polyhedra.vertices_of(id, vertices)
     allowed = None if tolerance is None else positive(tolerance, f"tolerance of block {id!r}")
-    loops = polyhedra.checked_faces(id, faces, len(points))
+    wide = [face for face in faces if not _has_two_corners(face)]
+    loops = polyhedra.checked_faces(id, wide, len(points))
     exact = polyhedra.convex_body(points, loops)
-    if exact is not None and exact.faces == loops:  # nothing to repair, in a fifth of the time
+    if (
+        exact is not None and exact.faces == loops and len(loops) == len(faces)
+    ):  # nothing to repair, in a fifth of the time
         return Block.of_body(id, points, exact, density)
     # Every step relies on those before: seams are looked for among faces that are there once, and
     # orientation among faces that close.
     raw = _Mesh(id, points, loops)
     raw.weld(mesh.RELATIVE_TOLERANCE * raw.size)
-    raw.drop_degenerate()
+    raw.drop_degenerate(len(faces) - len(loops))
     raw.drop_doubled()
     raw.close_seams(polyhedra.JOINT_TOLERANCE * raw.rough_thickness if allowed is None else allowed)
     raw.drop_unused()
@@ -72,6 +75,11 @@ def solid(
     polyhedra.check_faces(id, raw.points, raw.faces, mesh.RELATIVE_TOLERANCE * raw.size)
     body = polyhedra.body_inside(id, raw.points, raw.faces, allowed)
     return Block.of_body(id, raw.points, body, density, tuple(raw.repairs))
+
+
+def _has_two_corners(face: object) -> bool:
+    """True for a triangle that names a corner twice."""
+    return isinstance(face, Sequence) and len(face) == 3 and len(set(face)) < 3
 
 
 class _Mesh:
@@ -112,9 +120,9 @@ class _Mesh:
         faces = [label[list(face)].tolist() for face in self.faces]
         self.faces = tuple(tuple(i for k, i in enumerate(f) if i != f[k - 1]) for f in faces)
 
-    def drop_degenerate(self) -> None:
-        """Drop faces of fewer than three corners or without area; refuse those that meet
-        themselves."""
+    def drop_degenerate(self, dropped: int) -> None:
+        """Drop faces of fewer than three corners or without area, beside those that are ``dropped``
+        already; refuse those that meet themselves."""
         real = [f for f in self.faces if len(set(f)) > 2]
         repeated = next((f for f in real if len(set(f)) < len(f)), None)
         if repeated is not None:
@@ -125,10 +133,13 @@ class _Mesh:
                 blocks=(self.id,),
             )
         if real:
+            # Wider than rounding; slivers that fill a gap of no width leave a seam that is closed.
             areas = np.linalg.norm(mesh.area_vectors(self.points, real), axis=1)
-            least = (mesh.RELATIVE_TOLERANCE * self.size) ** 2
-            real = [f for f, area in zip(real, areas.tolist(), strict=True) if area > least]
-        self.report("degenerate", len(self.faces) - len(real), "faces without area")
+            long = [float(np.linalg.norm(np.ptp(self.points[list(f)], axis=0))) for f in real]
+            least = 0.5 * mesh.RELATIVE_TOLERANCE * self.size
+            rows = zip(real, areas.tolist(), long, strict=True)
+            real = [f for f, area, length in rows if area > least * length]
+        self.report("degenerate", dropped + len(self.faces) - len(real), "faces without area")
         if len(real) < 4:
             raise GeometryError(
                 f"block {self.id!r} is degenerate: {len(real)} of its {len(self.faces)} faces have "
@@ -176,26 +187,9 @@ class _Mesh:
         table, sides, ends = self._open_sides()
         if not len(sides):
             return
-        tree = cKDTree(self.points[ends])
-        faces = [list(f) for f in self.faces]
-        joined = 0
-        for side in sides.tolist():
-            i, k, number = int(table.start[side]), int(table.end[side]), int(table.face[side])
-            a, along = self.points[i], self.points[k] - self.points[i]
-            length = float(np.linalg.norm(along))
-            # Vertices near the edge's line and not near its ends, in their order along it.
-            near = ends[tree.query_ball_point(a + 0.5 * along, 0.5 * length + distance)]
-            offset = self.points[near] - a
-            share = offset @ along / length**2
-            away = np.linalg.norm(offset - share[:, None] * along, axis=1)
-            margin = distance / length
-            on = (away <= distance) & (share > margin) & (share < 1.0 - margin)
-            on &= ~np.isin(near, faces[number])
-            if on.any():
-                at = faces[number].index(i) + 1
-                faces[number][at:at] = near[on][np.argsort(share[on])].tolist()
-                joined += int(on.sum())
-        self.faces = tuple(tuple(f) for f in faces)
+        self.faces, joined = mesh.with_corners_on(
+            sides, ends, distance, self.points, table, self.faces
+        )
         self.report("joined", joined, "vertices in the middle of another face's edge")
 
     def drop_unused(self) -> None:

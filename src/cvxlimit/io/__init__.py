@@ -50,6 +50,7 @@ def json_schema(kind: str = "scene") -> dict[str, Any]:
     ['format', 'version', 'blocks', 'supports', 'friction', 'loads']
     """
     documents = Door("cvxlimit.documents")
+    documents.check(kind)
     if kind not in documents:
         known = ", ".join(map(repr, documents))
         raise InputError(f"kind must be one of {known}, got {kind!r}")
@@ -58,6 +59,8 @@ def json_schema(kind: str = "scene") -> dict[str, Any]:
 
 
 def __getattr__(name: str) -> Any:
-    if (found := Door("cvxlimit.files").get(name)) is not None:  # of an extension
+    files = Door("cvxlimit.files")  # of extensions
+    files.check(name, f"{__name__}.{name}")
+    if (found := files.get(name)) is not None:
         return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -13,10 +13,10 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.doors import Door
 from cvxlimit.base.extras import needed
 from cvxlimit.base.files import write_file
+from cvxlimit.base.lines import one_line
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, pressure_centres
 from cvxlimit.geometry.mesh import triangulated
-from cvxlimit.io.fields import one_line
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 
@@ -60,6 +60,7 @@ def export(
     """
     target = Path(path)
     suffix = target.suffix.lower()
+    EXPORTS.check(suffix)
     if suffix not in EXPORTS:
         raise InputError(
             f"cannot tell what to export from {target.name!r}: give a name that ends in "

@@ -18,6 +18,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 
 from cvxlimit.base.checks import meant
+from cvxlimit.base.lines import one_line
 from cvxlimit.errors import InputError
 
 JsonObject = dict[str, object]
@@ -49,20 +50,6 @@ def shown(value: object) -> str:
     "'two\\\\nlines'"
     """
     return one_line(_SHORT.repr(value))
-
-
-def one_line(text: str) -> str:
-    """The text in one line: words longer than any of ours lose their middle, and a very long text
-    its end; what would break the line or act on a terminal is written as an escape."""
-    words = (
-        word if len(word) <= 250 else f"{word[:120]} ... {word[-120:]}" for word in text.split(" ")
-    )
-    text = " ".join(words)
-    if len(text) > 1000:
-        text = f"{text[:1000]} ..."
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from cvxlimit.io.fields import ANY_FINITE, FilePath, JsonObject, number, shown
 from cvxlimit.io.forms import (
     FINITE,
     TEXT,
+    WHOLE,
     Document,
     Form,
     Key,
@@ -30,9 +31,21 @@ from cvxlimit.io.forms import (
     row,
 )
 from cvxlimit.io.scenes import UNITS, scene_digest
-from cvxlimit.solution import Iterate, Iteration, LowerEnd, Member, Search, Solution, Status
-from cvxlimit.solution.bracket import Bracket, Reference
+from cvxlimit.solution import (
+    FromRest,
+    Iterate,
+    Iteration,
+    LowerEnd,
+    Member,
+    Search,
+    Solution,
+    Status,
+    Step,
+    Trial,
+)
+from cvxlimit.solution.bracket import Bracket, Evidence, Reference
 from cvxlimit.solution.kinematics import Dilatancy
+from cvxlimit.solution.records import RESIDUALS
 
 _NOT_FINITE = ("nan", "inf", "-inf")
 
@@ -96,12 +109,9 @@ ITERATE = record(
     },
 )
 
-_QUALITY = ("equilibrium", "yield_excess", "flow", "complementarity")
-"""How well a solution without dilatancy keeps its conditions."""
-
 MEMBER = record(
     Member,
-    by_type(Member, FIGURE, "start", "iterations", "load_factor", *_QUALITY),
+    by_type(Member, FIGURE, "start", "iterations", "load_factor", *RESIDUALS, "angle"),
     # forces and mechanism are those of the lowest only, which are the result's own
     lambda **given: Member(**given, forces=np.zeros((0, 6)), mechanism=np.zeros((0, 6))),
 )
@@ -124,6 +134,25 @@ ITERATION = record(Iteration, by_type(Iteration, FIGURE))
 
 LUMPED = record(Lumped, by_type(Lumped, FIGURE))
 """Faces that are taken as planes that they are not in; angles in radians."""
+
+
+TRIAL = record(Trial, by_type(Trial, FIGURE, "what", "end") | {"load_factor": nullable(FIGURE)})
+
+FROM_REST = record(
+    FromRest,
+    {
+        **by_type(FromRest, FIGURE, "end"),
+        **dict.fromkeys(("to_come", "limit", "bedding"), nullable(FIGURE)),
+        # forces of all steps would be most of the file; those of the result are its own
+        "steps": listed(record(Step, by_type(
+            Step, FIGURE, "displacement", "load_factor", "sliding", "open", "equilibrium",
+            "yield_excess", "against",
+        ))),
+        "spread": listed(TRIAL),
+        "draws": listed(TRIAL),
+    },
+)  # fmt: skip
+"""A way from rest to collapse."""
 
 
 RATES_NAMED = ("ux", "uy", "uz", "rx", "ry", "rz")
@@ -186,6 +215,21 @@ REFERENCE = record(
     },
 )
 
+EVIDENCE = record(
+    Evidence,
+    {
+        "load_factor": nullable(FIGURE),
+        "forces": nullable(FORCES),
+        "rates": nullable(RATES),
+        "internal": nullable(NUMBERS),
+        "reference": nullable(REFERENCE),
+        "cells": nullable(listed(WHOLE, "cells of contact {i}", np.array)),
+        "contacts": nullable(listed(WHOLE, "contact {i}", np.array)),
+        "until": nullable(FIGURE),
+    },
+)
+"""What is proved beside the bracket, each by forces or rates of its own."""
+
 
 def _bracketed(kind: Any, **given: Any) -> Any:
     """A record whose file has the parts of its bracket beside its other entries."""
@@ -244,8 +288,10 @@ _KEYS: dict[str, Key | Form] = {
     "searches": listed(SEARCH),
     "lower_end": nullable(LOWER_END),
     "reference": nullable(REFERENCE),
+    "beside": keyed(EVIDENCE, "evidence of {key}"),
     "dilatancy": nullable(DILATANCY),
     "iteration": nullable(ITERATION),
+    "from_rest": nullable(FROM_REST),
     "lumped": nullable(LUMPED),
     "versions": keyed(TEXT, "version of {key}"),
     "internal": nullable(NUMBERS),

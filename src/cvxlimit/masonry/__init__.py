@@ -3,8 +3,8 @@
 Each generator takes sizes in the user's units (m and kN by default) and returns a
 :class:`~cvxlimit.scene.Scene`:
 
-- walls: :func:`wall` with :func:`running_bond`, :func:`panel`, :func:`facade` with
-  :class:`Opening`, :func:`house_corner`, :func:`random_wall`;
+- walls: :func:`wall` with :func:`running_bond`, :func:`rubble_wall`, :func:`panel`,
+  :func:`facade` with :class:`Opening`, :func:`house_corner`, :func:`random_wall`;
 - arches: :func:`arch`, :func:`arch_on_piers`, :func:`flying_buttress`;
 - bridges: :func:`bridge` with :class:`Arch`;
 - walls that hold back earth or water: :func:`retaining_wall`, :func:`dam`;
@@ -21,7 +21,14 @@ from cvxlimit.masonry.buttresses import flying_buttress
 from cvxlimit.masonry.facades import Opening, facade, house_corner, panel
 from cvxlimit.masonry.retaining import dam, retaining_wall
 from cvxlimit.masonry.vaults import barrel_vault, dome
-from cvxlimit.masonry.walls import random_wall, running_bond, single_block, stack, wall
+from cvxlimit.masonry.walls import (
+    random_wall,
+    rubble_wall,
+    running_bond,
+    single_block,
+    stack,
+    wall,
+)
 
 __all__ = [
     "BUILTIN",
@@ -41,6 +48,7 @@ __all__ = [
     "panel",
     "random_wall",
     "retaining_wall",
+    "rubble_wall",
     "running_bond",
     "single_block",
     "stack",

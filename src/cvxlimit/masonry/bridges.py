@@ -22,7 +22,7 @@ from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry.sizes import ALONG, Span, count, pile, prism, scene_of
 from cvxlimit.scene import Load, Scene
 from cvxlimit.scene.loads import GRAVITY
-from cvxlimit.scene.surroundings import fill as fill_on
+from cvxlimit.surroundings.reached import fill as fill_on
 
 _FINE = 20_000
 """Chords by which the length of an intrados is measured, which makes voussoirs equal to 1e-8."""

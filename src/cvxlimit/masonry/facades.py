@@ -13,12 +13,8 @@ from cvxlimit.base.checks import positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
-from cvxlimit.masonry.sizes import Size, Span, is_negligible
+from cvxlimit.masonry.sizes import LEAST_BOND, Size, Span, is_negligible
 from cvxlimit.scene import Load, Scene
-
-_SHORTEST = 0.25
-"""A piece shorter than this share of a unit is not laid: its neighbour is cut longer instead.
-Bonds of less than a quarter brick are bad craft in every handbook."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +62,7 @@ def facade(
     unit: Size = (0.4, 0.2, 0.2),
     bearing: float | None = None,
     lintel_courses: int = 1,
+    ground_cuts: Sequence[float] | float = (),
     density: float = 20.0,
     friction: float = DEFAULT_FRICTION,
     live: Load | None = None,
@@ -107,6 +104,9 @@ def facade(
         Length of a lintel on each jamb, m; half a unit unless given.
     lintel_courses : int
         Height of the lintels in courses.
+    ground_cuts : float, or sequence of float
+        Places along x, m, at which the ground is cut into supports ``ground1``, ``ground2`` ...
+        from the left, so that one of them can settle; one ``ground`` unless given.
     density, friction, live, name
         As for :func:`~cvxlimit.masonry.wall`, but pushed out of the front's plane,
         away from the returns (-y), unless ``live`` is given.
@@ -114,8 +114,8 @@ def facade(
     Raises
     ------
     InputError
-        For sizes that are not positive, walls too short for their corners, or openings that
-        overlap or, with their lintels, do not fit into their wall.
+        For sizes that are not positive, walls too short for their corners, openings that overlap
+        or, with their lintels, do not fit into their wall, or cuts that do not ascend within it.
 
     Example
     -------
@@ -134,7 +134,8 @@ def facade(
     for wall in walls:
         wall.check(rows)
     blocks = [block for wall in walls for block in wall.blocks(rows, size, weight)]
-    return sizes.scene_of(blocks, sizes.ACROSS, live, friction, name, ground=size[2])
+    fixed = sizes.grounds_below(blocks, size[2], ground_cuts)
+    return sizes.scene_of([*fixed, *blocks], sizes.ACROSS, live, friction, name)
 
 
 def house_corner(
@@ -396,8 +397,8 @@ def _between(whole: Span, gaps: Sequence[Span], unit: float) -> list[Span]:
 
 def _pieces(span: Span, shift: float, unit: float) -> Iterator[Span]:
     """Yields units with joints at ``shift`` plus multiples of ``unit``, none close to the span's
-    ends."""
-    nearest = _SHORTEST * unit * (1.0 - 1e-9)  # a quarter that is laid in full is laid
+    ends: the neighbour of a piece that short is cut longer."""
+    nearest = LEAST_BOND * unit * (1.0 - 1e-9)  # a quarter that is laid in full is laid
     first = np.ceil((span[0] + nearest - shift) / unit)
     last = np.floor((span[1] - nearest - shift) / unit)
     joints = shift + unit * np.arange(first, last + 1.0)

@@ -12,7 +12,7 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry.sizes import ALONG, count, scene_of
 from cvxlimit.scene import GRAVITY, Load, Pressure, Scene
-from cvxlimit.scene.surroundings import earth_pressure, hydrostatic, uplift
+from cvxlimit.surroundings.reached import earth_pressure, hydrostatic, uplift
 
 _BEHIND = (-1.0, 0.0, 0.0)
 """Earth and water lie on the side of -x."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.checks import finite_vector, positive
+from cvxlimit.base.checks import finite_vector, members, positive
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE
@@ -20,6 +20,9 @@ Size = tuple[float, float, float]
 """Length along x, thickness along y and height along z, in the scene's length unit."""
 
 Span = tuple[float, float]
+
+LEAST_BOND = 0.25
+"""Of a unit: bonds of less than a quarter brick are bad craft in every handbook."""
 
 ALONG = Load(acceleration=(1.0, 0.0, 0.0))
 ACROSS = Load(acceleration=(0.0, -1.0, 0.0))
@@ -41,9 +44,28 @@ def size_of(value: Any, what: str) -> Size:
 
 def ground_below(blocks: Sequence[Block], depth: float) -> Block:
     """A fixed block ``"ground"`` under the plan of ``blocks``, its top at z = 0."""
+    return grounds_below(blocks, depth)[0]
+
+
+def grounds_below(
+    blocks: Sequence[Block], depth: float, cuts: Sequence[float] | float = ()
+) -> list[Block]:
+    """The same, cut across x at ``cuts`` into ``"ground1"``, ``"ground2"`` ... from the left."""
     low = np.min([b.vertices.min(axis=0) for b in blocks], axis=0)
     high = np.max([b.vertices.max(axis=0) for b in blocks], axis=0)
-    return Block.box("ground", (low[0], low[1], -depth), (high[0], high[1], 0.0))
+    given = members(
+        cuts, (int, float, np.number), "ground_cuts must be places along x", "write [1.8]"
+    )
+    at = np.array([low[0], *given, high[0]])
+    if not (np.diff(at) > RELATIVE_TOLERANCE * (high[0] - low[0])).all():
+        raise InputError(
+            f"ground_cuts must ascend, between {low[0]:g} and {high[0]:g}, got {list(given)}"
+        )
+    names = [f"ground{i}" for i in range(1, len(at))] if given else ["ground"]
+    return [
+        Block.box(name, (x0, low[1], -depth), (x1, high[1], 0.0))
+        for name, (x0, x1) in zip(names, pairwise(at.tolist()), strict=True)
+    ]
 
 
 def laid(
@@ -93,3 +115,61 @@ def scene_of(
 
 def is_negligible(length: float, unit: float) -> bool:
     return length <= RELATIVE_TOLERANCE * unit
+
+
+_ROUNDING = 1e-12
+"""Of a length: what sums of some thousand sizes lose."""
+
+
+def drawn_joints(
+    rng: np.random.Generator,
+    whole: float,
+    sizes: Span,
+    ends: float,
+    closed: Iterable[Span] = (),
+) -> list[float] | None:
+    """Places from 0 to ``whole`` whose distances are drawn from ``sizes``, the first and the last
+    one from ``ends`` on; none of them within a ``closed`` span. None if there are none.
+
+    A place is drawn evenly among those from which the rest can be laid. They are a union of
+    intervals, found from the far end back.
+    """
+    least, most = sizes
+    slack = _ROUNDING * whole
+    shut = _merged((a + slack, b - slack) for a, b in closed)
+    bounds = [0.0, *(end for span in shut for end in span), whole]
+    gaps = [(a, b) for a, b in zip(bounds[::2], bounds[1::2], strict=True) if b >= a]
+    if whole < least - slack:
+        return None
+    found: list[Span] = []
+    reached = _common(gaps, [(whole - most - slack, whole - ends + slack)])
+    while reached:
+        found += reached
+        reached = _common(gaps, _merged((a - most - slack, b - least + slack) for a, b in reached))
+    found, places, step = _merged(found), [0.0], ends
+    while whole - places[-1] > most + slack:
+        at = places[-1]
+        choice = _common(found, [(at + step - slack, at + most + slack)])
+        if not choice:
+            return None
+        rooms = np.cumsum([b - a for a, b in choice])
+        drawn = rng.uniform(0.0, rooms[-1])
+        number = int(np.searchsorted(rooms[:-1], drawn, side="right"))
+        places.append(float(choice[number][1] - (rooms[number] - drawn)))
+        step = least
+    return [*places, whole]
+
+
+def _common(first: Iterable[Span], second: Sequence[Span]) -> list[Span]:
+    both = ((max(a, c), min(b, d)) for a, b in first for c, d in second)
+    return [(a, b) for a, b in both if b >= a]
+
+
+def _merged(spans: Iterable[Span]) -> list[Span]:
+    merged: list[Span] = []
+    for low, high in sorted(spans):
+        if merged and low <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(merged[-1][1], high)
+        else:
+            merged.append((low, high))
+    return merged

@@ -1,4 +1,4 @@
-"""Walls laid in courses, regular and random ones, and blocks piled on one another."""
+"""Walls laid in courses, of equal stones and of rubble, and blocks piled on one another."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.strengths import DEFAULT_FRICTION
 from cvxlimit.masonry.sizes import (
     ALONG,
+    LEAST_BOND,
     Size,
+    Span,
     brick,
     count,
+    drawn_joints,
     ground_below,
     laid,
     scene_of,
@@ -107,9 +110,14 @@ def wall(
     size = size_of(unit, "the unit")
     weight = positive(density, "density of the wall")
     blocks = list(_laid_blocks(courses, size, weight))
-    fixed = [ground_below(blocks, depth=size[2])]
-    fixed += [_side_support(side, blocks, size) for side in _checked_sides(side_supports)]
+    fixed = _held(blocks, size, side_supports)
     return scene_of((*fixed, *blocks), ALONG, live, friction, name)
+
+
+def _held(blocks: Sequence[Block], size: Size, sides: Collection[str]) -> list[Block]:
+    """Ground and side supports of a wall of blocks of about this size."""
+    ends = [_side_support(side, blocks, size) for side in _checked_sides(sides)]
+    return [ground_below(blocks, depth=size[2]), *ends]
 
 
 def _laid_blocks(courses: Sequence[Course], size: Size, density: float) -> Iterator[Block]:
@@ -217,13 +225,139 @@ def random_wall(
         joints = length * (inner + rng.uniform(-_JITTER, _JITTER, len(inner)))
         ends = [0.0, *joints.tolist(), units * length]
         blocks += laid(f"b{row + 1}.", pairwise(ends), 0, (0.0, thickness), span, weight)
-    fixed = [ground_below(blocks, depth=height)]
-    if rng.random() < 0.5:
-        fixed.append(_side_support("start", blocks, (length, thickness, height)))
+    sides = ("start",) if rng.random() < 0.5 else ()
+    fixed = _held(blocks, (length, thickness, height), sides)
     direction = rng.normal(size=3)
     push = Load(acceleration=tuple(direction / np.linalg.norm(direction)))
     friction = float(rng.uniform(*FRICTION))
     return scene_of((*fixed, *blocks), push, None, friction, f"random-wall-{seed}")
+
+
+def rubble_wall(
+    length: float,
+    height: float,
+    thickness: float = 0.5,
+    *,
+    seed: int,
+    widths: Span = (0.2, 0.6),
+    heights: Span = (0.15, 0.3),
+    bond: float = LEAST_BOND,
+    through: int = 1,
+    density: float = 20.0,
+    friction: float = DEFAULT_FRICTION,
+    side_supports: Collection[str] = (),
+    live: Load | None = None,
+    name: str = "rubble-wall",
+) -> Scene:
+    """A wall of irregular stones in level courses along x, on a fixed ground whose top is z = 0.
+
+    Heights of courses and widths of stones are drawn evenly from their ranges, as far as the wall's
+    size and the bond leave room: no place is drawn from which the course cannot be ended.
+    The last stone of a course takes what is left; stones at both ends may be cut to half the least
+    width. Blocks are named ``b<course>.<place>`` from 1 at the bottom left; in two leaves
+    ``f...`` is the one at y = 0, ``r...`` the other.
+
+    Parameters
+    ----------
+    length, height, thickness : float
+        Of the wall, along x, z and y, m.
+    seed : int
+        0 or more; the same seed gives the same wall.
+    widths, heights : (float, float)
+        Least and most of a stone's width along x, and of a course's height, m.
+    bond : float
+        Least distance between head joints of courses on one another, as a share of the mean of
+        ``widths``: above 0, at most 0.5. Those of leaves side by side keep half of it.
+    through : int
+        Every how many courses, from the first, stones go through the whole thickness: 1 for all.
+        Between them are two leaves, each half as thick and drawn on its own.
+    density, friction, side_supports, live, name
+        As for :func:`~cvxlimit.masonry.wall`.
+
+    Raises
+    ------
+    InputError
+        For sizes that are not positive, a range whose least is above its most, and for a wall that
+        no courses or stones of these ranges fill in this bond.
+
+    Example
+    -------
+    >>> scene = rubble_wall(2.0, 1.0, seed=1)
+    >>> round(sum(scene.blocks[i].volume for i in scene.free), 12)
+    1.0
+    """
+    long, high, thick = size_of((length, height, thickness), "the wall")
+    across, tall = _range(widths, "widths"), _range(heights, "heights")
+    weight, share = positive(density, "density of the wall"), positive(bond, "bond")
+    if share > 0.5:
+        raise InputError(f"bond must be at most 0.5, half the mean width, got {share:g}")
+    rng, every = np.random.default_rng(count(seed, "seed", least=0)), count(through, "through")
+    mean = 0.5 * sum(across)
+    levels = drawn_joints(rng, high, tall, tall[0])
+    if levels is None:
+        raise InputError(
+            f"no number of courses of {tall[0]:g} to {tall[1]:g} is {high:g} high: change height "
+            "or heights"
+        )
+    courses = _bonded(rng, len(levels) - 1, every, long, across, share * mean)
+    blocks: list[Block] = []
+    for row, course in enumerate(courses):
+        halves = {"b": (0.0, thick), "f": (0.0, 0.5 * thick), "r": (0.5 * thick, thick)}
+        for leaf, ends in course.items():
+            span = levels[row], levels[row + 1]
+            blocks += laid(f"{leaf}{row + 1}.", pairwise(ends), 0, halves[leaf], span, weight)
+    fixed = _held(blocks, (mean, thick, 0.5 * sum(tall)), side_supports)
+    return scene_of((*fixed, *blocks), ALONG, live, friction, name)
+
+
+def _range(value: Span, what: str) -> Span:
+    least, most = finite_vector(value, 2, f"{what} (least, most)").tolist()
+    if positive(least, f"the least of {what}") > most:
+        raise InputError(
+            f"{what} must be (least, most), got ({least:g}, {most:g}): turn them round"
+        )
+    return least, most
+
+
+_TRIES = 100
+"""Courses that may fail to bond before a wall is refused: each failure draws the one below anew, so
+that a bond which one course in two can take fails here once in 1e30 walls."""
+
+
+def _bonded(
+    rng: np.random.Generator, rows: int, through: int, length: float, widths: Span, apart: float
+) -> list[dict[str, list[float]]]:
+    """Joints of every leaf of every course, at least so far ``apart`` from those they touch."""
+    courses: list[dict[str, list[float]]] = []
+    tries = 0
+    while len(courses) < rows:
+        below = courses[-1] if courses else {}
+        course: dict[str, list[float]] = {}
+        for leaf in "b" if len(courses) % through == 0 else "fr":
+            stands_on = below.values() if leaf == "b" else [below.get(leaf) or below.get("b", [])]
+            zones = [(y - apart, y + apart) for joints in stands_on for y in joints[1:-1]]
+            beside = (y for joints in course.values() for y in joints[1:-1])
+            zones += [(y - 0.5 * apart, y + 0.5 * apart) for y in beside]
+            ends = drawn_joints(rng, length, widths, 0.5 * widths[0], zones)
+            if ends is not None:
+                course[leaf] = ends
+            elif tries == _TRIES or not courses:
+                size = f"{widths[0]:g} to {widths[1]:g} wide"
+                if not courses:
+                    raise InputError(
+                        f"no number of stones {size} is {length:g} long: change length or widths"
+                    )
+                raise InputError(
+                    f"course {len(courses) + 1} of stones {size} found no bond of {apart:g} in "
+                    f"{length:g} of length, in {tries} tries: lower bond or widen widths"
+                )
+            else:
+                tries += 1
+                courses.pop()
+                break
+        else:
+            courses.append(course)
+    return courses
 
 
 def stack(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.solution import Iteration, LowerEnd, Member, Search
-from cvxlimit.solution.bracket import Bracket, Reference
+from cvxlimit.solution import FromRest, Iteration, LowerEnd, Member, Search
+from cvxlimit.solution.bracket import Bracket, Evidence, Reference
 from cvxlimit.solution.kinematics import Dilatancy, dilatancy_of
 
 
@@ -36,12 +36,16 @@ class Answer:
         The internal forces behind the lower bound, where strength is stated in these.
     reference : Reference or None
         What both bounds were computed with besides.
+    beside : mapping of str to Evidence
+        As :attr:`Solution.beside <cvxlimit.solution.Solution.beside>`.
     lower_end : LowerEnd or None
         The lower end, where the answer is an interval.
     dilatancy : Dilatancy or None
         Where more is known of it than follows from forces and mechanism.
     sure : Answer or None
         The best one whose lower bound is proved, where this one's is higher and is not.
+    from_rest : FromRest or None
+        The way to it, where it was reached from rest.
     """
 
     load_factor: float | None = None
@@ -53,9 +57,11 @@ class Answer:
     iteration: Iteration | None = None
     internal: FloatArray | None = None
     reference: Reference | None = None
+    beside: Mapping[str, Evidence] = field(default_factory=dict)
     lower_end: LowerEnd | None = None
     dilatancy: Dilatancy | None = None
     sure: Answer | None = None
+    from_rest: FromRest | None = None
 
     def with_forces(self, of: Callable[[FloatArray], FloatArray]) -> Answer:
         """The answer with ``of`` its contact forces in their place, wherever it has some."""

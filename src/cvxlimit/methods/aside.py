@@ -89,6 +89,8 @@ class Aside:
     reductions : Reductions
     certifier : Certifier
         Of the full scene; what is found goes to it.
+    planar_from : int
+        As for :meth:`Reductions.of <cvxlimit.reductions.choice.Reductions.of>`.
     problem : LimitProgram
         That of the load factor, with the smallest model, or one that exists already. Loads alone
         are asked of the solvers of its ladder, for a bracket within ``tolerance``.
@@ -100,6 +102,7 @@ class Aside:
         model: str,
         tolerance: float = TOLERANCE,
         problem: LimitProgram | None = None,
+        planar_from: int = 0,
     ) -> None:
         self.run, self.tolerance = run, tolerance
         self.surfaces = needed_surfaces(run.surfaces)
@@ -107,7 +110,7 @@ class Aside:
         if problem is None:
             with run.clock.phase("compile"):
                 about = run.assemblage, self.surfaces, run.formulation
-                self.reductions = Reductions.of(*about, model)
+                self.reductions = Reductions.of(*about, model, planar_from)
         with run.clock.phase("certify"):
             self.certifier = Certifier(
                 self.reductions.assemblage, self.surfaces, run.formulation, width=tolerance
@@ -262,7 +265,11 @@ class Aside:
         solvers = self.ladder
         if solvers[0].name == "BLOCKWISE" and not run.ladder and self.certifier.strength.is_cone:
             solvers = (settings_for("BLOCKWISE", LOOSE), *solvers)
-        for settings in solvers[:SOLVERS_ASIDE]:
+        answers = 0  # a solver that takes no such problem does not count
+        for settings in solvers:
             state = run.solve(partial(problem.run, has_rows=has_rows), settings)
             run.note(replace(state, load_factor=None), f"{settings}, {what}")
             yield state, partial(certificate, state)
+            answers += state.outcome.has_values or state.outcome.claims_no_optimum
+            if answers >= SOLVERS_ASIDE:
+                break

@@ -28,6 +28,7 @@ from cvxpy.settings import OPTIMAL_INACCURATE
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import not_negative, ratio
+from cvxlimit.methods.admitting import without_answer
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.aside import Aside
 from cvxlimit.methods.driver import Method, Run, Steps
@@ -40,6 +41,7 @@ from cvxlimit.methods.standing import (
 )
 from cvxlimit.methods.wedging import judged
 from cvxlimit.model.program import LimitProgram
+from cvxlimit.reductions.choice import PLANAR_FROM
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, Certificate, known
 from cvxlimit.solvers import LimitState, SolverSettings
@@ -67,7 +69,6 @@ class Convex(Method):
 
     name = "convex"
     answers = "the load factor without interaction: one convex problem, its bracket closed"
-    axis = ""
 
     tolerance: float = TOLERANCE
     budget: float = 120.0
@@ -78,7 +79,10 @@ class Convex(Method):
 
     def steps(self, run: Run) -> Steps:
         run.tell(f"compiling {len(run.scene.free)} blocks x {len(run.contacts)} contacts")
-        search = ConvexSearch(run, run.model, self.tolerance, self.budget)
+        # solvers that take no cones need the plane of a planar scene, which has none
+        has_cones = run.ladder is None or any(each.row.has_cones for each in run.ladder)
+        least = PLANAR_FROM if has_cones else 0
+        search = ConvexSearch(run, run.model, self.tolerance, self.budget, planar_from=least)
         status = yield from search.steps()
         return judged(run) if status is Status.UNBOUNDED else status
 
@@ -90,9 +94,9 @@ class ConvexSearch:
     keeps a question ``aside``, which costs a solve, from being put twice.
 
     Solvers see so much ``model``; the certificate is that of the full scene in any case. For
-    ``tolerance`` and ``budget`` see :class:`Convex`. A ``problem``
-    is solved in place of a new one, with the reference states of its last certificate; it comes
-    with ``model="full"``, since there is no other problem to fall back to.
+    ``tolerance`` and ``budget`` see :class:`Convex`, for ``planar_from`` :class:`Aside`. A
+    ``problem`` is solved in place of a new one, with the reference states of its last certificate;
+    it comes with ``model="full"``, since there is no other problem to fall back to.
     """
 
     def __init__(
@@ -102,9 +106,10 @@ class ConvexSearch:
         tolerance: float = TOLERANCE,
         budget: float = np.inf,
         problem: LimitProgram | None = None,
+        planar_from: int = 0,
     ) -> None:
         self.run, self.tolerance, self.budget = run, tolerance, budget
-        self._given = problem
+        self._given, self._planar_from = problem, planar_from
         self.asked: set[str] = set()
         self.without_duals: list[str] = []
         self.reference: tuple[FloatArray, float] | None = None
@@ -112,7 +117,7 @@ class ConvexSearch:
 
     def _use_model(self, model: str) -> None:
         """Sets problem, certifier and the questions aside for so much ``model``."""
-        self.aside = Aside(self.run, model, self.tolerance, self._given)
+        self.aside = Aside(self.run, model, self.tolerance, self._given, self._planar_from)
         self.reductions, self.certifier = self.aside.reductions, self.aside.certifier
         with self.run.clock.phase("certify"):
             if self.reference is not None:
@@ -125,7 +130,7 @@ class ConvexSearch:
         if self.dead_load_is_unstable():
             return (yield from self._interval())
         if self.reductions.loaded is not None:  # the others are left out, as far as they stand
-            stands = self.certifier.witnesses.easy_dead_state
+            stands = self.certifier.references.easy_dead_state
             self.aside.problem = self.aside.smallest_problem(stands)
         status = yield from self._solve_with_fallback()
         return (yield from self._interval()) if status is Status.DEAD_LOAD_UNSTABLE else status
@@ -140,8 +145,11 @@ class ConvexSearch:
             return status
         best = self.run.best.bracket
         has_limit = best.upper_is_proved and not self.run.is_boundless(best.upper)
-        is_unbounded = not has_limit and self._is_unbounded()
-        return Status.UNBOUNDED if is_unbounded else Status.NOT_CERTIFIED
+        if not has_limit and self._is_unbounded():
+            return Status.UNBOUNDED
+        if not best.has_any:
+            self.run.remarks = [*self.run.remarks, *filter(None, [without_answer(self.run)])]
+        return Status.NOT_CERTIFIED
 
     def _interval(self) -> Steps:
         """Finds both ends of the interval of load factors, where the dead load does not stand
@@ -164,7 +172,9 @@ class ConvexSearch:
         # The lower end, with the live load turned round.
         dead, live = run.assemblage.statics.dead, run.assemblage.statics.live
         reversed_run = run.auxiliary_run(run.assemblage.under(dead, -live))
-        reversed_search = ConvexSearch(reversed_run, run.model, self.tolerance, self.budget)
+        reversed_search = ConvexSearch(
+            reversed_run, run.model, self.tolerance, self.budget, planar_from=self._planar_from
+        )
         reversed_search.refer_to(held_by.state, -held_by.factor)
         status_down = yield from reversed_search._solve_with_fallback()
         run.history += [about_the_lower_end(iterate) for iterate in reversed_run.history]
@@ -247,7 +257,7 @@ class ConvexSearch:
         # and a tighter one with an assumption, kept from before, would hide it
         internal = state.internal if self.certifier.strength.is_internal else None
         factor, forces = state.load_factor, state.forces
-        by = self.certifier.witnesses.given(factor)
+        by = self.certifier.references.given(factor)
         best = run.best.raised(bounds.lower, bounds.lower_is_proved, factor, forces, internal, by)
         run.best = best.lowered(bounds.upper, bounds.upper_is_proved, state.mechanism, by)
         figures = ("lower", "upper", "equilibrium_residual", "yield_excess", "flow_violation")
@@ -287,7 +297,7 @@ class ConvexSearch:
         """True if the dead load cannot stand alone; its mechanism is in the run then. Solvers are
         asked only where projections find no forces that carry it, and once."""
         with self.run.clock.phase("certify"):
-            stands = self.certifier.witnesses.easy_dead_state is not None
+            stands = self.certifier.references.easy_dead_state is not None
         if stands or not self._is_new("dead load"):
             return False
         return self._record_fall(*self.aside.dead_load_alone())

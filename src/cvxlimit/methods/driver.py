@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.base.progressbar import LOG
+from cvxlimit.base.progressbar import LOG, Progress, told_to
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.answer import Answer
@@ -40,7 +40,6 @@ from cvxlimit.solvers import LimitState, Outcome, SolverSettings, ladder_of, ver
 from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.coulomb import refuse_lost_cohesion, surfaces_of, words_of
 
-Progress = Callable[[str], None]
 Solver = Callable[[SolverSettings], LimitState]
 """One run of one solver on a problem: ``LimitProgram(scene).run``, for example."""
 
@@ -131,7 +130,7 @@ class Run:
         moments: Moments = INDEPENDENT,
         formulation: Formulation = corner_compressions,
         ladder: Sequence[str | SolverSettings] | str | SolverSettings | None = None,
-        progress: Progress | None = None,
+        progress: Progress = None,
         model: str = "auto",
         verbose: bool = False,
     ) -> None:
@@ -141,7 +140,7 @@ class Run:
         self.moments, self.formulation = moments, formulation
         self.ladder = None if ladder is None else ladder_of(ladder)
         self.verbose = verbose
-        self.progress = progress
+        self.progress = told_to(progress)
         self.clock = Clock()
         self.history: list[Iterate] = []
         self.solvers: set[str] = set()
@@ -228,6 +227,7 @@ class Run:
         has_bracket = self.best.bracket.has_any
         result = outcome.status if factor is None else f"iterate {rounded(factor, 5)}"
         result = f"load factor in {self.best.bracket}" if has_bracket else result
+        result = str(Status.CONTRADICTED) if self.best.bracket.contradicts else result
         line = ProgressLine(f"{result} (solve {len(self.history)}, {solver})")
         line.has_bracket = has_bracket
         self.tell(line)
@@ -298,8 +298,8 @@ class Method(ABC):
     answers : str
         What it answers, in a line for lists of methods.
     axis : str
-        Attribute of a solution that holds the name: ``"interaction"``, ``"flow"``,
-        ``"torsion_shear"``, or empty.
+        Attribute of a solution that holds the name where the method answers another question than
+        the plain one: ``"interaction"``, ``"flow"`` or ``"torsion_shear"``; else empty.
     surfaces : tuple of str
         Kinds of surfaces that it goes with: ``"conic"``, ``"facets"``, ``"parabolic"``, ``"own"``.
     takes : tuple of str
@@ -313,7 +313,7 @@ class Method(ABC):
 
     name: ClassVar[str]
     answers: ClassVar[str] = ""
-    axis: ClassVar[str] = "interaction"
+    axis: ClassVar[str] = ""
     surfaces: ClassVar[tuple[str, ...]] = ("conic", "facets", "parabolic", "own")
     takes: ClassVar[tuple[str, ...]] = ("formulation", "reactions", "cohesion", "strength")
     reduces: ClassVar[bool] = True
@@ -358,7 +358,7 @@ def drive(method: Method, run: Run) -> Solution:
 
 
 def packed(method: Method, run: Run, status: Status) -> Solution:
-    """The run's best answer as a solution; its note reports bounds that contradict each other."""
+    """The run's best answer as a solution."""
     best, status = _claimed(run, status)
     # which question that answers: surface, flow rule, interaction, one of which the method names
     question: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
@@ -386,9 +386,11 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
         searches=best.searches,
         dilatancy=dilatancy,
         iteration=best.iteration,
+        from_rest=best.from_rest,
         internal=best.internal,
         lower_end=best.lower_end,
         reference=best.reference,
+        beside=best.beside,
         model=run.reductions,
         solved_scene=run.given,
         surfaces=run.surfaces,
@@ -408,14 +410,19 @@ def _claimed(run: Run, status: Status) -> tuple[Answer, Status]:
     # forces of the scene as it was given: mortar's tension may have become a load in the other
     if run.mortar is not None:
         best = best.with_forces(run.mortar.original)
-    if best.bracket.contradicts:
-        status = Status.NOT_CERTIFIED
-        fails = "the bounds contradict each other, so an assumption behind them fails"
-        run.remarks.insert(0, fails)
+    brackets = [best.bracket] if best.lower_end is None else [best.bracket, best.lower_end.bracket]
+    if any(bracket.contradicts for bracket in brackets):
+        # neither bound is one, nor is what it rests on; solutions found on the way stay
+        status, least = Status.CONTRADICTED, Bracket(least=best.bracket.least)
+        kept = best if best.members else Answer(searches=best.searches)
+        best = replace(kept, bracket=least, lower_end=None, reference=None)
     elif has_answer and best.load_factor is None and not best.bracket.has_any and run.attempts:
         # a solver has said something if it returned values or claims that there is no optimum
         ends = [end.has_values or end.claims_no_optimum for _, end in run.attempts]
         status = status if any(ends) else Status.SOLVER_FAILED
+    is_held = status.is_good or best.bracket.has_any or best.members or best.from_rest
+    if not is_held:
+        best = replace(best, load_factor=None)  # nothing holds the last iterate's, in the history
     if best.load_factor is not None:
         best = replace(best, load_factor=best.bracket.clipped(best.load_factor))
     return best, status
@@ -430,6 +437,8 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
         sentences = [*run.remarks, "" if is_told else status.advice]
     elif status is Status.SOLVER_FAILED:
         sentences = [run.failure, status.advice]
+    elif status is Status.CONTRADICTED:
+        sentences = [f"{status}: {status.advice}"]
     else:
         # no advice to use the method that has just failed
         is_plain = status.is_good or status is Status.NOT_CERTIFIED

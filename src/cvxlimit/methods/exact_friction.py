@@ -14,12 +14,13 @@ from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.standing import refuse_an_interval
-from cvxlimit.model.point_friction import ExactFlow, PointFriction
+from cvxlimit.model.point_friction import PointFriction
 from cvxlimit.model.points import Placing, at_centroids, at_corners
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.flow import ExactFlow
 from cvxlimit.proof.strength import ContactFlow
 from cvxlimit.solution import Status
-from cvxlimit.solution.bracket import Bracket
+from cvxlimit.solution.bracket import Bracket, Evidence
 from cvxlimit.surfaces import Rocking
 
 
@@ -76,6 +77,10 @@ class ExactFriction(Method):
             best = run.best.raised(
                 bracket.lower, bracket.lower_is_proved, found.load_factor, found.forces
             )
+            if best is not run.best:
+                by = Evidence(found.load_factor, None, found.mechanism, found.internal,
+                              found.reference, divisions)  # fmt: skip
+                best = replace(best, beside={"points": by})
             with run.clock.phase("certify"):
                 bracket = _lowered(above.best, certifier)
             run.best = best.lowered(bracket.upper, bracket.upper_is_proved, above.best.mechanism)

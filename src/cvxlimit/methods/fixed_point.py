@@ -92,6 +92,7 @@ class FixedPoint(Method):
 
     name = "fixed-point"
     answers = "interaction with bending by the paper's iteration (Eq. 41-43), without a bracket"
+    axis = "interaction"
     surfaces, takes, reduces = ("conic", "facets"), ("reactions",), False
 
     old_value_weight: float = 0.8

@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import EPSILON, FloatArray
+from cvxlimit.base.progressbar import Progress
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.methods.convex import Convex, ConvexSearch
-from cvxlimit.methods.driver import Progress, Run, drive, packed
+from cvxlimit.methods.driver import Run, drive, packed
 from cvxlimit.methods.solving import check
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.statics import DOF, Scaling, Statics
@@ -68,7 +69,7 @@ def settlement(
     which: str = _LEAST,
     surface: SurfaceName | Cone | Sequence[YieldSurface] = "conic",
     tolerance: float = TOLERANCE,
-    progress: Progress | None = None,
+    progress: Progress = None,
     *,
     rotation: ArrayLike = (0.0, 0.0, 0.0),
     about: ArrayLike | None = None,
@@ -125,7 +126,7 @@ def settlement(
     check("settlement", run, ("cohesion", "reactions"))
     search = ConvexSearch(run, "full")
     falls = search.dead_load_is_unstable()
-    state = None if falls else search.certifier.witnesses.dead_state
+    state = None if falls else search.certifier.references.dead_state
     kind = "reaction" if any(motions[0].direction) else "moment"
     quantity = f"{which} {kind} of {', '.join(name for each in motions for name in each.supports)}"
     if state is None:
@@ -135,8 +136,9 @@ def settlement(
         solution = replace(packed(method, run, status), quantity=quantity)
         return SupportReaction(None, solution.bracket, solution)
     sign = 1.0 if which == _LEAST else -1.0
-    guided, rates, possible = _guided(scene, motions, sign, state)
-    solution = drive(method, Run(guided, surface, progress=progress))
+    rates = _rates(scene, motions)
+    aside, possible = guided(scene, rates, sign, state)
+    solution = drive(method, Run(aside, surface, progress=progress))
     solution = replace(solution, solved_scene=scene, quantity=quantity)
     return _reaction(solution, rates, possible, sign)
 
@@ -169,12 +171,8 @@ def _reaction(
 ) -> SupportReaction:
     """Returns the reaction that the limit problem's solution stands for, R = R0 - s alpha, with its
     bracket turned round accordingly, and the rates of the moving supports in the mechanism."""
-    found = solution.bracket
-    low, high = possible - sign * found.upper, possible - sign * found.lower
-    proofs = (found.upper_is_proved, found.lower_is_proved)
-    if sign < 0.0:
-        low, high, proofs = high, low, proofs[::-1]
-    bracket = Bracket(low, high, *proofs, found.least)
+    found = solution.bracket.turned if sign > 0.0 else solution.bracket
+    bracket = found.shifted(possible)
     factor = solution.load_factor
     value = None if factor is None else possible - sign * factor
     if solution.mechanism is not None:  # rounding apart, supports move along the guide only
@@ -186,19 +184,19 @@ def _reaction(
     return SupportReaction(value, bracket, replace(solution, load_factor=value, bracket=bracket))
 
 
-def _guided(
-    scene: Scene, motions: Sequence[SupportMotion], sign: float, state: FloatArray
-) -> tuple[Assemblage, dict[str, FloatArray], float]:
-    """Returns the guided scene, the rates w of the supports that move, and the reaction R0 of the
-    ``state`` (n, 6), contact forces that carry the dead load with all supports in place."""
-    # Rates w of every support that moves, in the unit of the first motion.
+def _rates(scene: Scene, motions: Sequence[SupportMotion]) -> dict[str, FloatArray]:
+    """Returns the rates w (6,) of every support that moves, in the unit of the first motion."""
+    block, size = {block.id: block for block in scene.blocks}, motions[0].size
+    return {x: each.rates(block[x]) / size for each in motions for x in each.supports}
+
+
+def guided(
+    scene: Scene, rates: Mapping[str, FloatArray], sign: float, state: FloatArray
+) -> tuple[Assemblage, float]:
+    """The scene with supports on a guide that leaves them their ``rates`` alone, pushed with
+    ``sign`` from the reaction R0 that the ``state`` (n, 6) has, contact forces that carry the dead
+    load with all supports in place; and that reaction."""
     place = {block.id: i for i, block in enumerate(scene.blocks)}
-    size = motions[0].size
-    rates = {
-        name: each.rates(scene.blocks[place[name]]) / size
-        for each in motions
-        for name in each.supports
-    }
     whole = sum(float(way @ way) for way in rates.values())  # w . w
     # These supports as free blocks, and the push as live load, which does work 1 on w.
     blocks = list(scene.blocks)
@@ -220,4 +218,4 @@ def _guided(
     held = {name: tuple(-possible * way / whole) for name, way in rates.items()}
     free = free.with_dead(replace(scene.dead, forces=own | held))
     statics = Statics.of(free).guided(every)
-    return Assemblage(free, statics, Scaling.of(free), Balance.of(statics)), rates, possible
+    return Assemblage(free, statics, Scaling.of(free), Balance.of(statics)), possible

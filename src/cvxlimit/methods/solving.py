@@ -18,8 +18,9 @@ from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.base.checks import check_choice, ratio
 from cvxlimit.base.doors import Door
+from cvxlimit.base.progressbar import Progress
 from cvxlimit.errors import ModelError
-from cvxlimit.methods.driver import Method, Progress, Run, drive
+from cvxlimit.methods.driver import Method, Run, drive
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.readings.moments import INDEPENDENT, Moments
@@ -32,7 +33,7 @@ from cvxlimit.surfaces import Cone, YieldSurface
 from cvxlimit.surfaces.cones import parse_cone
 from cvxlimit.surfaces.coulomb import PARABOLIC, SURFACES, SurfaceName
 
-MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy"]
+MethodName = Literal["convex", "exact", "fixed-point", "certified", "zero-dilatancy", "incremental"]
 """Names for type checkers: those of :data:`TABLE`."""
 
 Surface: TypeAlias = "str | Cone | Sequence[YieldSurface]"
@@ -79,7 +80,7 @@ def solve(
     solver: str | SolverSettings | type[ConicSolver] | None = None,
     ladder: Sequence[str | SolverSettings | type[ConicSolver]] | None = None,
     verbose: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = None,
     model: ModelName = "auto",
 ) -> Solution:
     """Collapse load factor of a scene, with a bracket recomputed outside the solver.
@@ -94,15 +95,17 @@ def solve(
         ``"octagon-inscribed"`` and so on for the safe side; ``"parabolic"``, on which torsion and
         shear share friction nearer to the exact limit than on the paper's line (Eq. 24), in the
         same time; or your own surfaces.
-    method : {"convex", "exact", "fixed-point", "certified", "zero-dilatancy"} or Method
+    method : {"convex", "exact", "fixed-point", "certified", "zero-dilatancy", ...} or Method
         ``"convex"`` (default) is one convex problem, without interaction with bending.
         ``"exact"`` takes torsion and shear on their exact limit (Eq. 18-21).
         ``"fixed-point"`` and ``"certified"`` let bending reduce torsion and shear strength
         (Eq. 26-32), by the paper's iteration (Eq. 41-43) or with a proved bracket.
         ``"zero-dilatancy"`` is friction that slides without opening contacts: a set of solutions,
-        ``solution.members``, without a bracket.
+        ``solution.members``, without a bracket. ``"incremental"`` pushes rigid blocks on elastic
+        joints from rest to collapse: the one load factor that is reached, without a bound.
         With settings of your own: :class:`Certified`, :class:`FixedPoint`,
-        :class:`ZeroDilatancy`...; or a loop of your own, as a :class:`Method`. What goes with
+        :class:`ZeroDilatancy`, :class:`Incremental`...;
+        or a loop of your own, as a :class:`Method`. What goes with
         what: :data:`cvxlimit.methods.solving.TABLE`.
     moments : {"independent", "signed", "signed-torsion-bending", "paper"} or Moments
         How Eq. 30 adds moments, for the two methods with interaction: every sign on its own, the
@@ -126,8 +129,8 @@ def solve(
         Solvers to try in turn until an answer is certified: ``["MOSEK", "CLARABEL"]``.
     verbose : bool
         True hands through what solvers print of their own work, on stdout.
-    progress : callable or None
-        Called with one line of text at every step of long work.
+    progress : bool, callable or None
+        Called with one line of text at every step of long work; True writes it on stderr.
     model : {"auto", "full", "least"}
         Size of the model: reduced where that saves time (planar, half of a symmetric scene, parts
         with live load only; :func:`cvxlimit.explain` says which), or full; ``"least"`` is reduced

@@ -26,7 +26,8 @@ def fallen(scene: Scene, rates: FloatArray, resistance: float = np.inf) -> str:
     row = int((rates * scene.dead_forces).sum(axis=1).argmax())
     block, velocity = scene.blocks[scene.free[row]].id, rates[row, :3]
     gravity = np.array(scene.dead.gravity or (0.0, 0.0, 0.0))
-    rises = float(velocity @ gravity) < -0.5 * float(np.linalg.norm(velocity))
+    # more up than aside: joints that slide with dilatancy open by less than they slide
+    rises = float(velocity @ gravity) < -np.sqrt(0.5) * float(np.linalg.norm(velocity))
     sentence = f"block {block!r} is lifted" if rises else f"block {block!r} falls"
     most = resistance / max(float(np.abs(scene.dead_forces[:, :3]).sum()), 1e-300)
     if most < NO_FORCE:
@@ -54,14 +55,10 @@ def refuse_an_interval(factor: float) -> None:
 def lower_end(turned: Run, known: float) -> LowerEnd:
     """What a run with the live load turned round says about the least load factor; ``known`` is one
     that is carried."""
-    best, found = turned.best, turned.best.bracket
-    proofs = found.upper_is_proved, found.lower_is_proved
-    bracket = Bracket(-found.upper, -found.lower, *proofs, found.least)
+    best, bracket = turned.best, turned.best.bracket.turned
     factor = known if best.load_factor is None else bracket.clipped(-best.load_factor)
     mechanism, reference = turned.by_block(best.mechanism), best.reference
-    return LowerEnd(
-        factor, bracket, best.forces, mechanism, None if reference is None else reference.turned
-    )
+    return LowerEnd(factor, bracket, best.forces, mechanism, reference and reference.turned)
 
 
 def about_the_lower_end(iterate: Iterate) -> Iterate:

@@ -73,6 +73,12 @@ class Assemblage:
         statics.__dict__["matrix"] = self.statics.matrix
         return Assemblage(scene, statics, Scaling.of(scene), self.balance, self.strengths)
 
+    def with_contacts(self, contacts: Contacts) -> Assemblage:
+        """The same mechanics with other strengths of its contacts."""
+        statics = replace(self.statics, contacts=contacts)
+        statics.__dict__["matrix"] = self.statics.matrix
+        return replace(self, statics=statics, strengths={})
+
     @property
     def corners(self) -> ForceModel | None:
         """Corner compressions that ``balance`` changes; None where it is of other equilibrium, of a
@@ -218,14 +224,15 @@ class Reduction:
     Forces and mechanism come back as those of the full scene, and the certificate is computed from
     these alone, so a reduction that is not valid shows as a bracket that stays open. ``names`` say
     what was reduced: ``"parts"``, ``"symmetry"``, ``"planar"``. Unknown are the forces of
-    ``contacts``, k of them, described by ``formulation``; ``forces`` (6 n, 6 k) is what they make
-    of the forces of all, None where they are all. ``rates`` are the ways in which ``blocks`` free
-    blocks move. Contacts that are left out have the ``given_forces`` (n, 6) at every load factor.
+    ``contacts``, those ``kept`` (k,) of n, described by ``formulation``; ``forces`` (6 n, 6 k) is
+    what they make of the forces of all, None where they are all. ``rates`` are the ways in which
+    free blocks move. Contacts that are left out have the ``given_forces`` (n, 6) at every load
+    factor.
     """
 
     names: tuple[str, ...]
     contacts: Contacts
-    blocks: int
+    kept: IntArray
     forces: sp.csr_array | None = None
     rates: sp.csr_array | None = None
     formulation: Formulation = corner_compressions
@@ -234,4 +241,17 @@ class Reduction:
     @classmethod
     def none(cls, statics: Statics, formulation: Formulation = corner_compressions) -> Reduction:
         """The full model."""
-        return cls((), statics.contacts, len(statics.dead) // DOF, formulation=formulation)
+        every = np.arange(len(statics.contacts))
+        return cls((), statics.contacts, every, formulation=formulation)
+
+    def apply(self, equilibrium: sp.csr_array, forces: sp.csr_array) -> sp.csr_array:
+        """The equilibrium (6 free blocks, 6 n) of the scene on unknowns, of which ``forces``
+        (6 k, p) are the contact forces that are left."""
+        every = forces if self.forces is None else self.forces @ forces
+        return (equilibrium @ every).tocsr()
+
+    def invert(self, forces: FloatArray) -> FloatArray:
+        """The forces (n, 6) of all contacts of the scene from those (k, 6) that are left."""
+        if self.forces is not None:
+            forces = np.asarray(self.forces @ forces.ravel()).reshape(-1, DOF)
+        return forces if self.given_forces is None else forces + self.given_forces

@@ -161,7 +161,7 @@ class ForceModel:
         """Contact forces (n, 6) of internal ones (p,)."""
         return np.asarray(self.resultant_map @ internal).reshape(-1, len(COMPONENTS))
 
-    def strength(self, surfaces: Sequence[YieldSurface]) -> list[tuple[str, Condition, Cone]]:
+    def all_conditions(self, surfaces: Sequence[YieldSurface]) -> list[tuple[str, Condition, Cone]]:
         """Conditions to be written, by name: of surfaces that do not hold already, and its own."""
         names = list(self.start)
         needed = [surface for surface in surfaces if surface.name not in self.implied]
@@ -248,9 +248,9 @@ def express(form: LinearForm, forces: Mapping[str, Any], contact: IntArray | Non
         return value if contact is None or name not in COLUMN else value[contact]
 
     terms = [times(k, of(component)) for component, k in form.items() if component != CONSTANT]
+    terms = terms or [times(0.0, of("N"))]  # a form without components is 0
     # The constant comes last: it may be an expression of CVXPY, which adds no other kind.
     if CONSTANT in form:
-        terms = terms or [times(0.0, of("N"))]
         terms.append(product(form[CONSTANT], forces[CONSTANT]))
     return sum(terms[1:], start=terms[0])
 

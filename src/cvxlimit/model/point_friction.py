@@ -11,16 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import IntArray
 from cvxlimit.errors import ModelError
-from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.model.flow import Shortfall, corner_openings
+from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.formulations import ForceModel, compressions_at, friction_at
 from cvxlimit.model.points import Placing, Points, at_centroids, at_corners
 from cvxlimit.surfaces.base import CONSTANT, Coefficient, is_some, product
-from cvxlimit.surfaces.exact_torsion import Edges
 
-__all__ = ["ExactFlow", "PointFriction", "at_centroids", "at_corners"]
+__all__ = ["PointFriction", "at_centroids", "at_corners"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,31 +58,3 @@ class PointFriction:
         parts, coulomb = friction_at(j, points.xy, resistance)
         n = compressions_at(contacts, contacts.corner_contact, contacts.corner_xy)
         return ForceModel(contacts, [n, *parts], [coulomb])
-
-
-class ExactFlow:
-    """The exact flow rule of contacts pressed uniformly, for certificates of upper bounds: the
-    missing opening is mu times the mean slip, less the opening at the corner where it is least.
-    Whatever problem a mechanism came from, its bound is one of the exact limit surface.
-    """
-
-    def __init__(self, contacts: Contacts) -> None:
-        self.contacts, self.edges = contacts, Edges.of(contacts)
-
-    def mean_slip(self, rates: FloatArray) -> FloatArray:
-        return self.edges.mean_slip(rates[:, :2], rates[:, COLUMN["MT"]])
-
-    def shortfall(self, rates: FloatArray) -> Shortfall:
-        """Returns the shortfall of relative rates (n, 6); cohesion dissipates."""
-        slip = self.mean_slip(rates)
-        opening = self.contacts.corner_minimum(corner_openings(rates, self.contacts))
-        lost = float((self.contacts.cohesion * self.contacts.area) @ slip)
-        return Shortfall(self.contacts.friction * slip - opening, np.zeros(0), lost)
-
-    opened = shortfall  # the rule leaves no choice
-
-    def shortfall_bound(self, rates: FloatArray) -> FloatArray:
-        return self.shortfall(rates).missing
-
-    def of(self, rows: IntArray) -> ExactFlow:
-        return ExactFlow(self.contacts.take(rows))

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self
 
 import cvxpy as cp
@@ -34,7 +34,15 @@ from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated, admissible
 from cvxlimit.model.statics import DOF
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Reference
-from cvxlimit.solvers import Ladder, LimitState, Outcome, Shape, SolverSettings, limit_ladder, run
+from cvxlimit.solvers import (
+    Ladder,
+    LimitState,
+    Outcome,
+    Shape,
+    SolverSettings,
+    limit_ladder,
+    run,
+)
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import Condition, LinearForm, YieldSurface, product
 from cvxlimit.surfaces.cones import Cone
@@ -139,15 +147,18 @@ class LimitProgram:
 
     def stated(self, into: Constraints | Rows) -> tuple[Stated, Any]:
         """The problem, stated to a sink, and its goal."""
-        scaling, (components, conditions) = self.scaling, self._strength
+        scaling, (components, conditions) = self.scaling, self._conditions
         into.label = "rocking" if "rocking" in self.model.implied else "compression"
         forces, internal = self.model.unknowns(into, scaling.force, scaling.length, components)
+        borne = []
         for name, condition, cone in conditions:
             into.label = name
-            admissible(into, condition, forces, cone)
+            borne.append((name, admissible(into, condition, forces, cone)))
         into.label = "goal"
         factor = into.new(name="alpha")
         stated = Stated(self.assemblage, into, forces, internal, factor, *self.loads)
+        if not components and not self.reduction.names:  # conditions are those of surfaces then
+            stated.borne = borne
         goal = self.goal(stated)
         into.label = "equilibrium"
         equilibrium = self.equilibrium
@@ -161,7 +172,7 @@ class LimitProgram:
         return stated, goal
 
     @cached_property
-    def _strength(self) -> tuple[dict[str, LinearForm], list[tuple[str, Condition, Cone]]]:
+    def _conditions(self) -> tuple[dict[str, LinearForm], list[tuple[str, Condition, Cone]]]:
         """Components that unknowns of surfaces' own give, and all conditions, by name."""
         model, plain, components = self.model, list[YieldSurface](), dict[str, LinearForm]()
         conditions = list[tuple[str, Condition, Cone]]()
@@ -174,18 +185,17 @@ class LimitProgram:
                     own = own.on_faces(faces)
                 components |= own.components
                 conditions += [(surface.name, each, surface.cone) for each in own.conditions]
-        return components, [*model.strength(plain), *conditions]
+        return components, [*model.all_conditions(plain), *conditions]
 
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """Scaled, of the internal forces."""
-        lift, forces = self.reduction.forces, self.model.resultant_map
         is_plain = self.reduction.formulation is corner_compressions and not self.model.conditions
         if is_plain and not self.reduction.names and self.assemblage.corners is not None:
             matrix = self.assemblage.balance.matrix.copy()  # the same for all scenes of a geometry
         else:
-            forces = forces if lift is None else lift @ forces
-            matrix = (self.assemblage.statics.matrix @ forces).tocsr()
+            whole = self.assemblage.statics.matrix
+            matrix = self.reduction.apply(whole, self.model.resultant_map)
         matrix.data *= np.repeat(self._down, np.diff(matrix.indptr)) * self._unit[matrix.indices]
         matrix.eliminate_zeros()
         sizes = [  # of loads, one where they are open
@@ -302,7 +312,12 @@ class LimitProgram:
         is_warm = before is not None and bool((before != values).any())
         program = written.at(values)
         outcome, x, y = program.solve(settings, self._kept, is_warm, all_duals=True)
-        return replace(self.state(outcome, x, y), values=None if x is None else (x, y))
+        if x is None or y is None:
+            return self.state(outcome, x, y)
+        stated, _ = self._in_rows
+        assert isinstance(stated.into, Rows)
+        flows = partial(stated.flows, partial(stated.into.duals, y / self.scaling.live))
+        return replace(self.state(outcome, x, y), values=(x, y), flows=flows)
 
     def _run_by_cvxpy(self, settings: SolverSettings) -> LimitState:
         size = sum(parameter.size for parameter in self.problem.parameters())
@@ -310,12 +325,16 @@ class LimitProgram:
         stated, _ = self._in_cvxpy
         if not outcome.has_values or stated.factor.value is None:
             return LimitState(outcome, None, None, None)
-        equations = self.constraints["equilibrium"][0].dual_value
+        equations = self.problem.solution.dual_vars.get(self.constraints["equilibrium"][0].id)
         internal = np.concatenate([np.asarray(form.value).ravel() for form in stated.internal])
         own = {name: np.asarray(form.value).ravel() for name, form in stated.own.items()}
         duals = None if equations is None else equations / self.gain
         state = self._state(outcome, internal, float(stated.factor.value), duals, own)
-        return replace(state, values=self.problem.solution)
+        flows = None
+        if duals is not None and isinstance(stated.into, Constraints):
+            found = stated.into.duals(self.gain * self.scaling.live)
+            flows = partial(stated.flows, partial(dict, found))
+        return replace(state, values=self.problem.solution, flows=flows)
 
     # 4. What solvers have found
 
@@ -334,13 +353,8 @@ class LimitProgram:
         own: dict[str, FloatArray],
     ) -> LimitState:  # fmt: skip
         """A solution in the solver's units, of the model it saw, in the user's, of the scene."""
-        reduction = self.reduction
         internal = self.scaling.force * self._unit * internal
-        forces = self.model.forces(internal)
-        if reduction.forces is not None:
-            forces = np.asarray(reduction.forces @ forces.ravel()).reshape(-1, DOF)
-        if reduction.given_forces is not None:
-            forces = forces + reduction.given_forces
+        forces = self.reduction.invert(self.model.forces(internal))
         mechanism = None if duals is None else self.equilibrium.mechanism(np.asarray(duals))
         factor = self.scaling.load_factor(factor)
         return LimitState(outcome, factor, forces, mechanism, internal, own)

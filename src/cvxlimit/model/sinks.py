@@ -5,7 +5,7 @@ Surfaces, formulations and methods state a problem once, to a *sink*
 :class:`Constraints` forms are CVXPY expressions. In :class:`Rows` they are :class:`Form`, sums of
 entries
 
-    value * theta[slot] * x[column]   in a row,   and a constant per row,
+    value * theta[slot] * x[column]   in a row,   or   value * theta[slot]   in a constant's column,
 
 where theta is 1 and the values of coefficients that are CVXPY expressions of Parameters
 (:class:`Theta`). Rows become the numbers A, b and c of a cone program, min c . x subject to
@@ -30,7 +30,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.solvers.program import ConeProgram
 
 CONSTANT_COLUMN = -1
-"""Column of entries that are constants with a slot of theta."""
+"""Column of entries that are constants: x may be extended by a 1 at its end."""
 
 
 class Constraints:
@@ -51,20 +51,20 @@ class Constraints:
             self.nonneg(unknown)
         return unknown
 
-    def nonneg(self, form: Any) -> None:
+    def nonneg(self, form: Any) -> Any:
         """form >= 0, entry by entry."""
-        self.keep(form >= 0)
+        return self.keep(form >= 0)
 
     def zero(self, form: Any) -> None:
         """form = 0, entry by entry."""
         self.keep(form == 0)
 
-    def cone(self, bound: Any, rows: Sequence[Any]) -> None:
+    def cone(self, bound: Any, rows: Sequence[Any]) -> Any:
         """Second-order cones: the Euclidean norm of the i-th entries of all rows is at most the
         i-th entry of the bound."""
-        self.keep(cp.SOC(bound, cp.vstack(list(rows)), axis=0))
+        return self.keep(cp.SOC(bound, cp.vstack(list(rows)), axis=0))
 
-    def keep(self, constraint: Any) -> None:
+    def keep(self, constraint: Any) -> Any:
         """A constraint of CVXPY's own, under the present label."""
         if isinstance(constraint, cp.Constraint):  # a bare truth value says nothing of unknowns
             same = self.named.setdefault(self.label, [])
@@ -72,6 +72,17 @@ class Constraints:
             self.stated.append(constraint)
             if hasattr(constraint, "set_label"):  # since CVXPY 1.9
                 constraint.set_label(self.label if len(same) == 1 else f"{self.label} {len(same)}")
+        return constraint
+
+    def duals(self, gain: float = 1.0) -> dict[Any, FloatArray]:
+        """Duals over ``gain`` of each inequality (1, k) and each cone (its rows, k), by what
+        :meth:`nonneg` and :meth:`cone` returned."""
+        result = dict[Any, FloatArray]()
+        for constraint in self.stated:
+            if (dual := constraint.dual_value) is not None and not isinstance(constraint, cp.Zero):
+                parts = dual if isinstance(constraint, cp.SOC) else [dual]
+                result[constraint] = np.vstack([np.asarray(part) for part in parts]) / gain
+        return result
 
     @property
     def all(self) -> list[cp.Constraint]:
@@ -144,99 +155,84 @@ def check_values(parameters: Iterable[cp.Parameter]) -> None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Form:
-    """k affine forms of the unknowns of :class:`Rows`: ``row``, ``column``, ``value`` and ``slot``
-    of their entries, and their constants (k,). ``first`` is set where they are unknowns themselves,
-    one after the other from this column on.
+    """Affine forms of the unknowns of :class:`Rows`, as many as ``size``: ``row``, ``column``,
+    ``value`` and ``slot`` of their entries.
 
     Sums, multiples by numbers (k,), rows by index and products with matrices from the left are
     forms, as with CVXPY's expressions; :meth:`times` takes coefficients in Parameters as well.
     """
 
     theta: Theta
+    size: int
     row: IntArray
     column: IntArray
     value: FloatArray
     slot: IntArray
-    constant: FloatArray
-    first: int | None = None
 
     __array_ufunc__ = None  # NumPy's arrays leave arithmetic to forms
 
     @classmethod
-    def of(
-        cls, theta: Theta, row: IntArray, column: IntArray, value: FloatArray, constant: FloatArray
-    ) -> Form:
-        """Forms whose entries do not depend on Parameters."""
-        return cls(theta, row, column, value, np.zeros(len(row), np.int64), constant)
-
-    @property
-    def size(self) -> int:
-        return len(self.constant)
+    def of(cls, theta: Theta, column: IntArray) -> Form:
+        """Unknowns themselves, by column."""
+        size = len(column)
+        return cls(theta, size, np.arange(size), column, np.ones(size), np.zeros(size, np.int64))
 
     def times(self, coefficient: Any) -> Form:
         """Times a number, one per form, or a CVXPY expression of Parameters of such a shape."""
-        if isinstance(coefficient, float):
-            value, constant = coefficient * self.value, coefficient * self.constant
-            return Form(self.theta, self.row, self.column, value, self.slot, constant)
-        if not isinstance(coefficient, cp.Expression):
-            k = np.asarray(coefficient, dtype=float)
-            if k.ndim == 0:
-                return self.times(float(k))
-            own = self._spread(k.size)
-            value, constant = k[own.row] * own.value, k * own.constant
-            return Form(own.theta, own.row, own.column, value, own.slot, constant)
-        own = self._spread(coefficient.size)._with_constant_entries()
-        slots = np.broadcast_to(self.theta.slots(coefficient), (own.size,))
-        return replace(own, slot=self.theta.products(own.slot, slots[own.row]), first=None)
+        own, value, slot = self._spread(np.size(coefficient)), self.value, self.slot
+        if isinstance(coefficient, cp.Expression):
+            slots = np.broadcast_to(self.theta.slots(coefficient), (own.size,))
+            value, slot = own.value, self.theta.products(own.slot, slots[own.row])
+        elif isinstance(coefficient, float):
+            value = coefficient * value
+        else:
+            each = np.broadcast_to(np.asarray(coefficient, dtype=float), (own.size,))
+            value, slot = each[own.row] * own.value, own.slot
+        return Form(self.theta, own.size, own.row, own.column, value, slot)
 
     def values(self, x: FloatArray) -> FloatArray:
         """Returns the values at unknowns x, and the Parameters' present values."""
-        if self.first is not None:
-            return np.asarray(x[self.first : self.first + self.size])
         value = self.value * self.theta.values()[self.slot] if self.slot.any() else self.value
         each = np.append(x, 1.0)[self.column]  # the last stands for constants
-        return np.asarray(np.bincount(self.row, value * each, self.size) + self.constant)
+        return np.asarray(np.bincount(self.row, value * each, self.size), dtype=float)
 
-    def matrix(self, width: int) -> sp.csr_array:
-        """Returns the matrix of forms without Parameters, constants left out."""
-        entries = self.value, (self.row, self.column)
-        return sp.csr_array(entries, shape=(self.size, width))
+    def numbers(self, width: int, kind: Any = sp.csr_array) -> tuple[Any, FloatArray]:
+        """Returns the matrix and the constants of forms without Parameters."""
+        on = self.column != CONSTANT_COLUMN
+        matrix = kind((self.value[on], (self.row[on], self.column[on])), shape=(self.size, width))
+        return matrix, np.bincount(self.row[~on], self.value[~on], self.size).astype(float)
 
     def __getitem__(self, index: Any) -> Form:
         rows = np.arange(self.size)[index]
-        if self.first is not None:
-            every, ones = np.arange(len(rows)), np.ones(len(rows))
-            return Form.of(self.theta, every, self.first + rows, ones, np.zeros(len(rows)))
         order = np.argsort(self.row, kind="stable")
         start = np.searchsorted(self.row[order], np.arange(self.size + 1))
         at, each = _expanded(start, rows)
-        return replace(self._picked(order[at], each), constant=self.constant[rows])
+        return self._picked(order[at], each, len(rows))
 
     def __rmatmul__(self, matrix: Any) -> Form:
         if not sp.issparse(matrix):
             matrix = np.atleast_2d(matrix)
-        if self.first is not None:
-            entries = sp.coo_array(matrix)
-            row, column = (np.asarray(index, np.int64) for index in entries.coords)
-            value = np.asarray(entries.data, dtype=float)
-            return Form.of(self.theta, row, self.first + column, value, np.zeros(matrix.shape[0]))
+        if np.array_equal(self.row, np.arange(self.size)):  # one entry each, as unknowns have
+            own = sp.coo_array(matrix)
+            row, at = (np.asarray(index, np.int64) for index in own.coords)
+            return self._picked(at, row, matrix.shape[0], own.data)
         columns = sp.csc_array(matrix)
         at, each = _expanded(columns.indptr, self.row)
-        product = self._picked(each, np.asarray(columns.indices[at], np.int64))
-        return replace(
-            product,
-            value=product.value * columns.data[at],
-            constant=np.asarray(matrix @ self.constant),
-        )
+        row = np.asarray(columns.indices[at], np.int64)
+        return self._picked(each, row, columns.shape[0], columns.data[at])
 
     def __add__(self, other: Any) -> Form:
-        return self._plus(other, 1.0)
+        if not isinstance(other, Form):  # numbers, or an expression of Parameters
+            other = Form.of(self.theta, np.array([CONSTANT_COLUMN])).times(other)
+        size = max(self.size, other.size)
+        both = self._spread(size), other._spread(size)
+        return _joined(both, [form.row for form in both], size)
 
     def __sub__(self, other: Any) -> Form:
-        return self._plus(other, -1.0)
+        return self + -other
 
     def __rsub__(self, other: Any) -> Form:
-        return (-self)._plus(other, 1.0)
+        return -self + other
 
     def __neg__(self) -> Form:
         return self.times(-1.0)
@@ -247,55 +243,16 @@ class Form:
     __mul__ = __rmul__ = times
     __radd__ = __add__
 
-    def _plus(self, other: Any, weight: float) -> Form:
-        if isinstance(other, cp.Expression):
-            none = np.zeros(0, np.int64)
-            ones = Form.of(self.theta, none, none, np.zeros(0), np.ones(other.size))
-            other = ones.times(other)
-        if not isinstance(other, Form):
-            number = weight * np.asarray(other, dtype=float)
-            own = self._spread(number.size)
-            first = own.first if not number.any() else None
-            constant = own.constant + number
-            return Form(own.theta, own.row, own.column, own.value, own.slot, constant, first)
-        size = max(self.size, other.size)
-        one, two = self._spread(size), other._spread(size)
-        return Form(
-            self.theta,
-            np.concatenate([one.row, two.row]),
-            np.concatenate([one.column, two.column]),
-            np.concatenate([one.value, two.value if weight == 1.0 else weight * two.value]),
-            np.concatenate([one.slot, two.slot]),
-            one.constant + weight * two.constant,
-        )
-
     def _spread(self, size: int) -> Form:
         """One form as many that are the same."""
-        if self.size == size or self.size != 1:
-            return self
-        each = np.tile(np.arange(len(self.row)), size)
-        copies = self._picked(each, np.repeat(np.arange(size), len(self.row)))
-        return replace(copies, constant=np.repeat(self.constant, size))
+        return self if self.size == size or self.size != 1 else self[np.zeros(size, np.int64)]
 
-    def _with_constant_entries(self) -> Form:
-        """The same with constants as entries of :data:`CONSTANT_COLUMN`, which can have a slot."""
-        at = np.flatnonzero(self.constant)
-        if not len(at):
-            return self
-        return Form(
-            self.theta,
-            np.append(self.row, at),
-            np.append(self.column, np.full(len(at), CONSTANT_COLUMN)),
-            np.append(self.value, self.constant[at]),
-            np.append(self.slot, np.zeros(len(at), np.int64)),
-            np.zeros(self.size),
-        )
-
-    def _picked(self, entries: IntArray, rows: IntArray) -> Form:
-        """Some entries (m,) moved to ``rows`` (m,). The constants are still those of this form, of
-        its size: the caller replaces them by those of the new rows."""
-        column, value = self.column[entries], self.value[entries]
-        return Form(self.theta, rows, column, value, self.slot[entries], self.constant)
+    def _picked(
+        self, entries: IntArray, rows: IntArray, size: int, times: FloatArray | float = 1.0
+    ) -> Form:
+        """Some entries (m,), times numbers, moved to ``rows`` (m,) of ``size``."""
+        column, value = self.column[entries], times * self.value[entries]
+        return Form(self.theta, size, rows, column, value, self.slot[entries])
 
 
 def _expanded(start: NDArray[Any], rows: IntArray) -> tuple[IntArray, IntArray]:
@@ -312,10 +269,7 @@ def gathered(form: Any, at: IntArray, size: int, weight: Any = 1.0) -> Any:
     if isinstance(form, Form):
         is_plain = np.ndim(weight) == 0 and float(weight) == 1.0
         own = form if is_plain else form.times(weight)
-        if size == own.size and np.array_equal(at, np.arange(size)):
-            return own
-        constant = np.asarray(np.bincount(at, own.constant, size), dtype=float)
-        return Form(own.theta, at[own.row], own.column, own.value, own.slot, constant)
+        return Form(own.theta, size, at[own.row], own.column, own.value, own.slot)
     every, weights = np.arange(len(at)), np.broadcast_to(weight, at.shape)
     if size == len(at) > 0 and np.array_equal(at, every) and np.ptp(weights) == 0.0:
         return form if weights[0] == 1.0 else float(weights[0]) * form  # less for CVXPY to do
@@ -328,18 +282,14 @@ def stacked(forms: Sequence[Any]) -> Any:
         return cp.hstack(list(forms))
     if len(forms) == 1:
         return forms[0]
-    ends = list(accumulate(form.size for form in forms))
-    starts = [0, *ends[:-1]]
-    firsts = {None if f.first is None else f.first - s for s, f in zip(starts, forms, strict=True)}
-    return Form(
-        forms[0].theta,
-        np.concatenate([s + form.row for s, form in zip(starts, forms, strict=True)]),
-        np.concatenate([form.column for form in forms]),
-        np.concatenate([form.value for form in forms]),
-        np.concatenate([form.slot for form in forms]),
-        np.concatenate([form.constant for form in forms]),
-        firsts.pop() if len(firsts) == 1 else None,
-    )
+    *starts, size = accumulate((form.size for form in forms), initial=0)
+    return _joined(forms, [s + form.row for s, form in zip(starts, forms, strict=True)], size)
+
+
+def _joined(forms: Sequence[Form], rows: Sequence[IntArray], size: int) -> Form:
+    """All entries of forms in ``rows`` of ``size`` forms."""
+    parts = ([getattr(form, name) for form in forms] for name in ("column", "value", "slot"))
+    return Form(forms[0].theta, size, *map(np.concatenate, (rows, *parts)))
 
 
 @dataclass
@@ -358,99 +308,99 @@ class Rows:
     def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Form:
         """The next columns as a form (size,), one without a size; rows need no name."""
         count = 1 if size is None else size
-        every, first = np.arange(count), self.width
-        form = Form.of(self.theta, every, first + every, np.ones(count), np.zeros(count))
-        form = replace(form, first=first)
+        form = Form.of(self.theta, np.arange(self.width, self.width + count))
         self.width += count
         self.unknowns.append(form)
         if nonneg:
             self.linear.append(form)
         return form
 
-    def nonneg(self, form: Form) -> None:
+    def nonneg(self, form: Form) -> tuple[str, int]:
         """form >= 0, row by row."""
         self.linear.append(form)
+        return "linear", len(self.linear) - 1
 
     def zero(self, form: Form) -> None:
         """form = 0, row by row."""
         self.equations.append(form)
 
-    def cone(self, bound: Form, rows: Sequence[Form]) -> None:
+    def cone(self, bound: Form, rows: Sequence[Form]) -> tuple[str, int]:
         """As many second-order cones as the bound has rows, each of one row of every form."""
         self.cones.append([bound, *rows])
+        return "cone", len(self.cones) - 1
 
-    def entries(self) -> tuple[_Entries, FloatArray]:
-        """Rows, columns, values and slots of A, and b, where b - A x is zero, not negative or in a
-        cone: equations first, then inequalities, then cones, whose rows stand together."""
-        blocks = [(1.0, [form]) for form in self.equations]
-        blocks += [(-1.0, [form]) for form in self.linear] + [(-1.0, cone) for cone in self.cones]
-        entries, rights, start = _Entries(), list[FloatArray](), 0
-        for sign, block in blocks:
-            right = np.empty(len(block) * block[0].size)
-            for i, form in enumerate(block):
-                rows = start + i + len(block) * form.row
-                entries.append((rows, form.column, sign * form.value, form.slot))
-                right[i :: len(block)] = -sign * form.constant
-            rights.append(right)
-            start += len(right)
-        return entries, np.concatenate(rights)
+    def duals(self, y: FloatArray) -> dict[Any, FloatArray]:
+        """Duals (rows,) of all rows as those of each form (1, k) and each cone (its rows, k), by
+        what :meth:`nonneg` and :meth:`cone` returned."""
+        result, start = dict[Any, FloatArray](), sum(form.size for form in self.equations)
+        blocks = {"linear": [[form] for form in self.linear], "cone": self.cones}
+        for kind, forms in blocks.items():
+            for i, block in enumerate(forms):
+                end = start + len(block) * block[0].size
+                result[kind, i] = y[start:end].reshape(-1, len(block)).T
+                start = end
+        return result
+
+    def entries(self) -> Form:
+        """A and b, where b - A x is zero, not negative or in a cone, as forms A x - b: equations
+        first, then inequalities, then cones, whose rows stand together."""
+        blocks = [[form] for form in (*self.equations, *self.linear)] + self.cones
+        rows, size = list[IntArray](), 0
+        for block in blocks:
+            rows += [size + i + len(block) * form.row for i, form in enumerate(block)]
+            size += len(block) * block[0].size
+        whole = _joined(list(chain(*blocks)), rows, size)
+        sign = np.where(whole.row < sum(form.size for form in self.equations), 1.0, -1.0)
+        return replace(whole, value=sign * whole.value)
 
     def written(self, goal: Form) -> Written:
         """The program that maximises ``goal``."""
-        entries, right = self.entries()
-        cost = np.zeros(self.width)
-        row, column, value = (np.concatenate([part[i] for part in entries]) for i in range(3))
+        whole, cost = self.entries(), np.zeros(self.width)
+        of_cost = goal.column != CONSTANT_COLUMN
         equations, linear = (sum(f.size for f in forms) for forms in (self.equations, self.linear))
         cones = tuple(chain(*([len(cone)] * cone[0].size for cone in self.cones)))
-        sizes, shape = (equations, linear, cones), (len(right), self.width)
+        sizes = equations, linear, cones
         # without Parameters these are the program
         if self.theta.size == 1:
-            matrix = sp.csc_array((value, (row, column)), shape=shape)
+            matrix, constant = whole.numbers(self.width, sp.csc_array)
             matrix.eliminate_zeros()
-            np.add.at(cost, goal.column, -goal.value)
-            return Written(ConeProgram(cost, matrix, right, *sizes), self.theta)
+            np.add.at(cost, goal.column[of_cost], -goal.value[of_cost])
+            return Written(ConeProgram(cost, matrix, -constant, *sizes), self.theta)
         # with them, where each entry belongs among the numbers of A, b and c
-        slot = np.concatenate([part[3] for part in entries])
-        is_entry = (column != CONSTANT_COLUMN) & (value != 0.0)
+        row, column, shape = whole.row, whole.column, (whole.size, self.width)
+        is_constant = column == CONSTANT_COLUMN
+        is_entry = ~is_constant & (whole.value != 0.0)
         places = row[is_entry], column[is_entry]
         matrix = sp.csc_array((np.ones(len(places[0])), places), shape=shape)
         columns = np.repeat(np.arange(shape[1]), np.diff(matrix.indptr))
         keys = columns * shape[0] + matrix.indices
         at = np.searchsorted(keys, places[1] * shape[0] + places[0])
-        # constants with a slot: of equations and inequalities alike b is minus what A has
-        is_constant = column == CONSTANT_COLUMN
-        of_cost = goal.column != CONSTANT_COLUMN
         place = [at, matrix.nnz + row[is_constant], matrix.nnz + shape[0] + goal.column[of_cost]]
-        values = [value[is_entry], -value[is_constant], -goal.value[of_cost]]
-        every = [slot[is_entry], slot[is_constant], goal.slot[of_cost]]
-        fixed = np.concatenate([np.zeros(matrix.nnz), right, cost])
-        program = ConeProgram(cost, matrix, right, *sizes)
-        return Written(program, self.theta, fixed, *map(np.concatenate, (place, values, every)))
-
-
-_Entries = list[tuple[IntArray, IntArray, FloatArray, IntArray]]
+        values = [whole.value[is_entry], -whole.value[is_constant], -goal.value[of_cost]]
+        every = [whole.slot[is_entry], whole.slot[is_constant], goal.slot[of_cost]]
+        program = ConeProgram(cost, matrix, np.zeros(shape[0]), *sizes)
+        return Written(program, self.theta, *map(np.concatenate, (place, values, every)))
 
 
 @dataclass(frozen=True, eq=False)
 class Written:
     """A cone program whose numbers are sums of ``value * theta[slot]`` over entries, each at a
-    ``place`` among the numbers of matrix, right-hand side and cost, on top of ``fixed``; ``place``
-    is None where nothing depends on Parameters."""
+    ``place`` among the numbers of matrix, right-hand side and cost; ``place`` is None where nothing
+    depends on Parameters."""
 
     program: ConeProgram
     theta: Theta
-    fixed: FloatArray | None = None
     place: IntArray | None = None
     value: FloatArray | None = None
     slot: IntArray | None = None
 
     def at(self, values: FloatArray) -> ConeProgram:
         """The program where theta has these ``values``."""
-        if self.place is None or self.value is None or self.fixed is None:
+        if self.place is None or self.value is None:
             return self.program
-        numbers = self.value * values[self.slot]
-        filled = self.fixed + np.bincount(self.place, numbers, len(self.fixed))
-        matrix, right = self.program.matrix, self.program.right
-        data, b, cost = np.split(filled, np.cumsum([matrix.nnz, len(right)]))
+        matrix, right, cost = self.program.matrix, self.program.right, self.program.cost
+        count = matrix.nnz + len(right) + len(cost)
+        filled = np.bincount(self.place, self.value * values[self.slot], count).astype(float)
+        data, b, c = np.split(filled, np.cumsum([matrix.nnz, len(right)]))
         own = sp.csc_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
-        return replace(self.program, matrix=own, right=b, cost=cost)
+        return replace(self.program, matrix=own, right=b, cost=c)

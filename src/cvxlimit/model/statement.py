@@ -5,15 +5,43 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import express, times
 from cvxlimit.model.sinks import Constraints, Rows
-from cvxlimit.surfaces.base import Condition
+from cvxlimit.surfaces.base import Condition, number
 from cvxlimit.surfaces.cones import Cone, Sink
+
+
+@dataclass(frozen=True, eq=False)
+class Borne:
+    """A condition that has been stated: its norms in the order in which they were, each with what
+    its cone returned; ``rest`` is that of the resistance, None where a norm takes all of it."""
+
+    condition: Condition
+    cone: Cone
+    norms: Sequence[tuple[int, tuple[list[Any], list[Any]]]]
+    rest: Any
+
+    def flow(self, duals: Mapping[Any, FloatArray]) -> tuple[FloatArray, list[FloatArray]]:
+        """The multipliers and flows (:data:`~cvxlimit.solvers.running.Flows`) that duals are."""
+        flows = list[Sequence[FloatArray]]([()] * len(self.condition.norms))
+        bound = None if self.rest is None else duals[self.rest][0]
+        for which, stated in self.norms:
+            norm = self.condition.norms[which]
+            every = np.concatenate([duals[at] for at in chain(*stated)])
+            last, *rows = self.cone.flow(len(norm.rows), every)
+            weight = np.broadcast_to(np.asarray(number(norm.weight), dtype=float), last.shape)
+            some = weight > 0.0
+            flows[which] = [np.where(some, row, 0.0) / np.where(some, weight, 1.0) for row in rows]
+            bound = last if bound is None else bound
+        assert bound is not None
+        return bound, list(chain(*flows))
 
 
 @dataclass(eq=False)
@@ -37,6 +65,8 @@ class Stated:
         Unknowns of the goal's own whose values are asked for.
     before : int
         Equations stated before those of equilibrium, in rows.
+    borne : list of (str, Borne)
+        The conditions by the names of their surfaces, where duals of them are flows.
     """
 
     assemblage: Assemblage
@@ -48,6 +78,16 @@ class Stated:
     live: Any
     own: dict[str, Any] = field(default_factory=dict)
     before: int = 0
+    borne: list[tuple[str, Borne]] = field(default_factory=list)
+
+    def flows(
+        self, duals: Callable[[], Mapping[Any, FloatArray]]
+    ) -> dict[str, list[tuple[FloatArray, list[FloatArray]]]]:
+        """What duals of strength are in rates, by the names of surfaces."""
+        found, result = duals(), dict[str, list[tuple[FloatArray, list[FloatArray]]]]()
+        for name, borne in self.borne:
+            result.setdefault(name, []).append(borne.flow(found))
+        return result
 
 
 Goal = Callable[[Stated], Any]
@@ -85,7 +125,7 @@ def largest_self_stress(stated: Stated) -> Any:
     return np.ones(pressure.size) @ pressure
 
 
-def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone: Cone) -> None:
+def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone: Cone) -> Borne:
     """States a condition on force components (n,), which are forms of the sink.
 
     ``forces`` also holds a :data:`CONSTANT`: the unit in which the components are. Each norm gets
@@ -94,14 +134,17 @@ def admissible(into: Sink, condition: Condition, forces: Mapping[str, Any], cone
     """
     contact = condition.contact
     remaining = express(condition.resistance, forces, contact)
-    norms = sorted(condition.norms, key=lambda norm: (norm.is_plain, len(norm.rows)))
-    last = norms.pop() if norms and norms[-1].is_plain else None
-    for norm in norms:
+    norms = sorted(enumerate(condition.norms), key=lambda n: (n[1].is_plain, len(n[1].rows)))
+    last = norms.pop() if norms and norms[-1][1].is_plain else None
+    stated = []
+    for which, norm in norms:
         rows = [express(form, forces, contact) for form in norm.rows]
         bound = into.new(rows[0].size)
-        cone.epigraph(into, bound, rows)
+        stated.append((which, cone.epigraph(into, bound, rows)))
         remaining = remaining - times(norm.weight, bound)
     if last is None:
-        into.nonneg(remaining)
-    else:
-        cone.epigraph(into, remaining, [express(form, forces, contact) for form in last.rows])
+        return Borne(condition, cone, stated, into.nonneg(remaining))
+    which, norm = last
+    rows = [express(form, forces, contact) for form in norm.rows]
+    stated.append((which, cone.epigraph(into, remaining, rows)))
+    return Borne(condition, cone, stated, None)

@@ -176,8 +176,12 @@ class Scaling:
 
     def apply(self, statics: Statics) -> Statics:
         rows = np.tile(np.repeat([1.0, self.length], 3), len(statics.dead) // DOF)
+        guide = statics.guide
+        if guide is not None:
+            guide = sp.csr_array(sp.diags_array(1.0 / rows) @ guide @ sp.diags_array(rows))
         return replace(
             statics,
+            guide=guide,
             contacts=statics.contacts.scaled(1.0 / self.length),
             centroids=statics.centroids / self.length,
             dead=statics.dead / (self.force * rows),

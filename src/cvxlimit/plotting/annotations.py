@@ -105,6 +105,11 @@ def annotated(scene: Scene, refusal: InputError | None = None) -> Annotations:
     return Annotations(tuple(_arrows(scene)), marks, frozenset(blamed), str(refusal))
 
 
+def without_live_load(notes: Annotations) -> Annotations:
+    """Returns what is drawn of a structure under its dead load alone."""
+    return replace(notes, arrows=tuple(a for a in notes.arrows if a.case != "live"))
+
+
 def loads_to_scale(scene: Scene, live: float) -> Annotations:
     """Returns the loads at load factor ``live``, arrows in proportion to forces. Each case has a
     scale of its own, since a push may be a hundredth of the weights."""

@@ -20,7 +20,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.plotting.annotations import Annotations, annotated
 from cvxlimit.plotting.axes import coordinate_axes, draw_axis
-from cvxlimit.plotting.camera import Camera, default_camera
+from cvxlimit.plotting.camera import default_camera
 from cvxlimit.plotting.contents import Drawing, Lines
 from cvxlimit.plotting.picture import Fill, Seen, seen
 from cvxlimit.plotting.sheet import DPI, WIDE, SceneFigure, Sheet
@@ -73,14 +73,11 @@ def assembled(drawing: Drawing, picture: Seen, **options: Any) -> tuple[SceneFig
     return sheet.figure, moved
 
 
-def thumbnail(
-    scene: Scene, moving: Motion, refusal: InputError | None, pixels: int = 420,
-    camera: Camera | None = None,
-) -> bytes:  # fmt: skip
+def thumbnail(scene: Scene, moving: Motion, refusal: InputError | None, pixels: int = 420) -> bytes:
     """Returns a small picture without any words, as a PNG of so many pixels on its longer side."""
     notes = Annotations() if refusal is None else annotated(scene, refusal)
     drawing = Drawing(
-        scene, moving, camera or default_camera(scene, moving),
+        scene, moving, default_camera(scene, moving),
         notes=Annotations(marks=notes.marks, culprits=notes.culprits), has_axes=False,
     )  # fmt: skip
     picture = seen(drawing)

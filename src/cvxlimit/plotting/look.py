@@ -100,7 +100,12 @@ def scene_joints(scene: Scene) -> Marking:
 DIGITS = 5
 """Of load factors on pictures."""
 
-_FRICTION = {"conic": "Coulomb friction", "octagon": "octagonal friction"}
+_FRICTION = {
+    "conic": "Coulomb friction",
+    "octagon": "octagonal friction",
+    "parabolic": "Coulomb friction with parabolic torsion",
+    "exact": "Coulomb friction with exact torsion",
+}
 _BENDING = {
     "certified": "interaction with bending",
     "fixed-point": "interaction with bending, iterated",
@@ -123,7 +128,8 @@ def title(solution: Solution) -> str:
     ...                Bracket(0.423056, 0.4230593), Status.CERTIFIED, (), {}))
     'tuff-wall, Coulomb friction: load factor α = 0.42306'
     """
-    what = f"{printable(solution.scene_name)}, {_FRICTION.get(solution.surface, solution.surface)}"
+    surface = solution.surface_name
+    what = f"{printable(solution.scene_name)}, {_FRICTION.get(surface, printable(surface))}"
     if solution.interaction in _BENDING:
         what += f", {_BENDING[solution.interaction]} ({solution.moments} moments)"
     elif solution.interaction != "none":

@@ -8,7 +8,6 @@ from html import escape
 
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.plotting.annotations import refused
-from cvxlimit.plotting.camera import default_camera
 from cvxlimit.plotting.look import printable
 from cvxlimit.plotting.registry import figures
 from cvxlimit.results.movement import motion, still
@@ -49,7 +48,7 @@ def _solution_rows(solution: Solution) -> Rows:
     told = said(solution)
     yield solution.quantity, told.value
     yield "", told.standing
-    surface = solution.surface
+    surface = solution.surface_name
     if solution.interaction != "none":
         surface += f", {solution.interaction} interaction, {solution.moments} moments"
     yield "surface", surface
@@ -84,14 +83,6 @@ def card(title: str, rows: Rows, image: bytes | None) -> str:
         '<div style="display:flex;gap:18px;align-items:center">'
         f"{picture}<div><b>{escape(title)}</b><table>{cells}</table></div></div>"
     )
-
-
-def falling(scene: Scene, solution: Solution | None) -> bytes:
-    """The mechanism of a solution, small, always seen from where the scene is seen at rest."""
-    rest = still(scene)
-    moving = rest if solution is None or not solution.mechanism else motion(scene, solution)
-    image: bytes = figures().thumbnail(scene, moving, None, 300, default_camera(scene, rest))
-    return image
 
 
 def _image(

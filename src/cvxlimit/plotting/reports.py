@@ -31,7 +31,9 @@ _SECTIONS: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Scene] | 
 
 def solution_report(solution: Solution, file: str | os.PathLike[str] | None, given: Any) -> Any:
     """:meth:`cvxlimit.Solution.report`."""
-    digest = scene_digest(solution.scene)
+    digest, notes = scene_digest(solution.scene), given["notes"]
+    if not (notes is None or isinstance(notes, Mapping)):
+        raise InputError(f"notes must be a mapping of names to texts, got {notes!r:.60}")
     for name, (kind, is_one, scene_of) in _SECTIONS.items():
         value = given[name]
         if value is None or isinstance(value, str | Mapping) or hasattr(value, "columns"):

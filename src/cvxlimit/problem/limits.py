@@ -3,14 +3,13 @@
 CVXPY compiles them by themselves, to A y <= b with equations and cones of its own, y being its
 variables. Those that are unknowns of the limit problem get its columns, others new ones
 (:meth:`OwnLimits.state`). For proofs the same rows are put on contact forces x and the load factor
-(:meth:`OwnLimits.linear`): rows a on internal forces s, x = R s, become rows a R' (R R')^-1 on x,
-contact by contact, where these say the same.
+(:meth:`OwnLimits.on_contacts`): rows a on internal forces s, x = R s, become rows a R' (R R')^-1 on
+x, contact by contact, where these say the same.
 """
 
 from __future__ import annotations
 
-import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from types import SimpleNamespace
@@ -20,13 +19,11 @@ import cvxpy as cp
 import cvxpy.settings as keys
 import numpy as np
 import scipy.sparse as sp
-from cvxpy.atoms.affine.binary_operators import MulExpression
 from cvxpy.error import DCPError, DPPError, SolverError
 from cvxpy.reductions.solution import Solution
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
-from cvxlimit.base.checks import meant
 from cvxlimit.errors import ModelError
 from cvxlimit.model.sinks import CONSTANT_COLUMN, Form, Rows, check_values
 from cvxlimit.model.statics import DOF
@@ -35,9 +32,12 @@ from cvxlimit.solvers.program import ConeProgram
 
 
 @dataclass(frozen=True, eq=False)
-class LinearLimits:
-    """Limits of a user's as ``matrix @ forces + factor * load_factor <= right``, in the user's
-    units, for proofs.
+class ContactLimits:
+    """Limits of a user's on contact forces, in the user's units, for proofs: the slack
+
+        right - matrix @ forces - factor * load_factor - unknowns @ others
+
+    of each row is 0, not negative, or with those of its cone in a second-order cone, bound first.
 
     Attributes
     ----------
@@ -46,9 +46,13 @@ class LinearLimits:
     matrix : (k, 6 n) sparse array
         On the forces of all contacts, V1 to MT of the first, then of the next.
     factor, right : (k,)
+    unknowns : (k, m) array
+        On other unknowns: variables of the user's, and those that CVXPY makes for ``abs`` or norms.
     is_equation : (k,) array of bool
         True for rows that are equations.
-    aim : (row (1, 6 n), coefficient of the load factor, constant) or None
+    cones : tuple of slice
+        Rows of each cone; they are last.
+    aim : (row (1, 6 n), coefficient of the load factor, row (m,) on unknowns, constant) or None
         What is maximised in place of the load factor.
     """
 
@@ -56,26 +60,10 @@ class LinearLimits:
     matrix: sp.csr_array
     factor: FloatArray
     right: FloatArray
+    unknowns: FloatArray
     is_equation: BoolArray
-    aim: tuple[sp.csr_array, float, float] | None = None
-
-
-class ContactForces(MulExpression):
-    """A force component of all contacts, one row each; ``names`` are the contacts'."""
-
-    def __init__(self, matrix: Any, unknown: Any, names: Sequence[str] = ()) -> None:
-        self.names = names
-        super().__init__(matrix, unknown)
-
-    def __getitem__(self, contact: Any) -> Any:
-        if not isinstance(contact, str):
-            return super().__getitem__(contact)
-        if contact not in self.names:
-            hint = meant(contact, self.names, f"they are {reprlib.repr(self.names)}")
-            raise ModelError(f"there is no contact {contact!r}: {hint}")
-        row = self.names.index(contact)
-        matrix = cp.Constant(self.args[0].value[[row]], name=f"{self.args[0].name()}[{contact}]")
-        return (matrix @ self.args[1])[0]
+    cones: tuple[slice, ...] = ()
+    aim: tuple[sp.csr_array, float, FloatArray, float] | None = None
 
 
 class OwnLimits:
@@ -106,12 +94,15 @@ class OwnLimits:
             what = f"limit {wrong[0]!r} is" if wrong else "the aim is"
             raise ModelError(f"{what} not convex by CVXPY's rules: see cvxpy.org, DCP")
         self.has_rows = self.problem.is_dcp(dpp=True)
+        self.no_rows = "Parameters in limits or aim are multiplied with each other (not DPP)"
+        self.is_compiled = True
         try:
             data, self._chain, self._inverse = self.problem.get_problem_data(
                 Matrices(), solver_opts={}
             )
         except (SolverError, DCPError, DPPError):
-            self.has_rows = False
+            self.has_rows = self.is_compiled = False
+            self.no_rows = self._beyond()
             return
         self._compiled, self.dims = data["param_prob"], data[ConicSolver.DIMS]
         cost, _, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
@@ -121,6 +112,27 @@ class OwnLimits:
         for at in self._cones():
             rows[at] = rows[at].max()
         self.unit = np.where(rows > 0.0, rows, 1.0)
+
+    @property
+    def is_integer(self) -> bool:
+        """True if some variables are whole numbers."""
+        return bool(self.problem.is_mixed_integer())
+
+    def _beyond(self) -> str:
+        """Which limit asks for other cones than norms do, or for whole numbers."""
+        pairs = [
+            *((f"limit {name!r}", cp.Problem(cp.Minimize(0.0), [limit]))
+              for name, limit in zip(self.names, self.problem.constraints, strict=True)),
+            ("the aim", cp.Problem(self.problem.objective)),
+        ]  # fmt: skip
+        for what, alone in pairs:
+            if alone.is_mixed_integer():
+                return f"{what} has whole numbers"
+            try:
+                alone.get_problem_data(Matrices(), solver_opts={})
+            except (SolverError, DCPError, DPPError):
+                return f"{what} has exponential or semidefinite cones"
+        return "limits have other cones"
 
     def parameters(self) -> list[cp.Parameter]:
         found: list[cp.Parameter] = self.problem.parameters()
@@ -154,11 +166,11 @@ class OwnLimits:
         right = np.arange(height)
         whole = Form(
             into.theta,
+            height,
             np.append(matrix.indices, right),
             np.append(column, np.full(height, CONSTANT_COLUMN)),
             np.ones(matrix.nnz + height),
             slots[: matrix.nnz + height],
-            np.zeros(height),
         )
         ends = np.cumsum([self.dims.zero, self.dims.nonneg]).tolist()
         if ends[0]:
@@ -171,7 +183,7 @@ class OwnLimits:
         none = np.zeros(width, np.int64)
         # CVXPY's cost is what is made least
         last = slots[matrix.nnz + height :]
-        return Form(into.theta, none, self.columns, -np.ones(width), last, np.zeros(1))
+        return Form(into.theta, 1, none, self.columns, -np.ones(width), last)
 
     def places(self, program: ConeProgram) -> IntArray:
         """Returns where the rows stand among those of a program: last of each kind."""
@@ -189,7 +201,7 @@ class OwnLimits:
         )  # fmt: skip
         return self._chain.invert(raw, self._inverse)
 
-    def linear(
+    def on_contacts(
         self, internal: Mapping[int, slice], forces: sp.csr_array, factor: int, load: float
     ) -> Any:
         """The limits and the aim on contact forces, at present, or a sentence on why they are not.
@@ -198,8 +210,9 @@ class OwnLimits:
         the load factor. ``forces`` (6 n, p) and ``load`` are contact forces and load factor of a
         unit of each, in the user's units.
         """
-        if not self.has_rows or self.dims.soc:
-            return "only linear limits have a bracket, and some of these are cones"
+        if not self.has_rows:
+            only = "bounds are computed from linear rows and norms alone"
+            return f"{self.no_rows}, and {only}: nothing is proved of problem.value"
         cost, offset, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
         aim = None
         # Parameters change right-hand sides as a rule: rows on contacts are kept with their numbers
@@ -210,19 +223,22 @@ class OwnLimits:
         on_forces = self._before[1]
         if isinstance(on_forces, str):
             return on_forces
-        found, alpha = on_forces
+        found, alpha, others = on_forces
         if self._aim is not None:
-            aim = found[[-1]], float(alpha[-1]), -float(offset)
-        labels, zero = self._labels(), np.arange(len(right)) < self.dims.zero
-        return LinearLimits(tuple(labels), found[:-1], alpha[:-1], np.asarray(right), zero, aim)
+            aim = found[[-1]], float(alpha[-1]), others[-1], -float(offset)
+        labels, zero = tuple(self._labels()), np.arange(len(right)) < self.dims.zero
+        return ContactLimits(
+            labels, found[:-1], alpha[:-1], np.asarray(right), others[:-1], zero,
+            tuple(self._cones()), aim,
+        )  # fmt: skip
 
     def _on_forces(
         self, rows: sp.csc_array, internal: Mapping[int, slice], forces: sp.csr_array,
         factor: int, load: float,
-    ) -> tuple[sp.csr_array, FloatArray] | str:  # fmt: skip
-        """Rows on CVXPY's variables as rows on contact forces, and on the load factor."""
+    ) -> tuple[sp.csr_array, FloatArray, FloatArray] | str:  # fmt: skip
+        """Rows on CVXPY's variables as rows on contact forces, on the load factor and others."""
         whole, start = sp.lil_array((rows.shape[0], forces.shape[1])), 0
-        alpha = np.zeros(rows.shape[0])
+        alpha, others = np.zeros(rows.shape[0]), [np.zeros((rows.shape[0], 0))]
         for variable in self._compiled.variables:
             own = rows[:, start : start + variable.size].toarray()
             start += variable.size
@@ -230,26 +246,18 @@ class OwnLimits:
                 alpha = own.ravel() / load
             elif variable.id in internal:
                 whole[:, internal[variable.id]] = own
-            elif abs(own).sum() > 0.0:
-                return self._open([*internal, factor])
+            else:
+                others.append(own)
         found, missed = _on_contacts(sp.csr_array(whole), forces)
         if missed.any():
             names = [*map("limit {!r}".format, self._labels()), "the aim"]
             return f"{names[int(missed.argmax())]} is on more than the forces of contacts"
-        return found, alpha
+        return found, alpha, np.concatenate(others, axis=1)
 
-    def _open(self, known: Sequence[int]) -> str:
-        """Why there is no bracket with variables that are not ``known``, some of them CVXPY's."""
-        pairs = zip(self.names, self.problem.constraints, strict=True)
-        bent = [
-            f"limit {name!r}" for name, limit in pairs if not all(a.is_affine() for a in limit.args)
-        ]
-        if self._aim is not None and not self._aim.is_affine():
-            bent.append("the aim")
-        if bent:
-            return f"{bent[0]} has functions as abs or max: linear limits can say what they say"
-        own = [v.name() for v in self.problem.variables() if v.id not in known]
-        return f"limits with variables of one's own, as {own[0]!r}, have no bracket"
+    def others(self, x: FloatArray, known: Collection[int]) -> FloatArray:
+        """Of unknowns x of all rows those of limits alone, whose variables are none ``known``."""
+        each = np.concatenate([[v.id] * v.size for v in self._compiled.variables])
+        return x[self.columns[~np.isin(each, [*known])]]
 
     def multipliers(self, duals: FloatArray) -> FloatArray:
         """What the objective gains per unit of each row's right-hand side, of the rows' duals."""
@@ -257,9 +265,10 @@ class OwnLimits:
         return signs * duals / self.unit
 
     def of_cvxpy(self, duals: Mapping[int, Any]) -> FloatArray | None:
-        """The multipliers of linear limits, of CVXPY's duals by the limits' ids."""
+        """The multipliers of linear limits, of CVXPY's duals by the limits' ids; None where there
+        are other rows, of which CVXPY tells no duals."""
         stated = self._compiled.constraints if self.has_rows else []
-        if not stated or not all(each.id in duals for each in stated):
+        if not stated or self.dims.soc or not all(each.id in duals for each in stated):
             return None
         return np.concatenate([np.ravel(duals[each.id], order="F") for each in stated])
 

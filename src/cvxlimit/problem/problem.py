@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cvxpy as cp
 
+from cvxlimit.base.doors import attached
 from cvxlimit.errors import ModelError
 from cvxlimit.model.formulations import Formulation, corner_compressions
+from cvxlimit.problem.duals import foreign
+from cvxlimit.problem.forces import contact_number
+from cvxlimit.problem.interfaces import Interface
 from cvxlimit.problem.program import UserProgram
 from cvxlimit.problem.solving import solved
 from cvxlimit.scene import Scene
@@ -18,6 +22,9 @@ from cvxlimit.solvers import SolverSettings
 from cvxlimit.solvers.program import ConeProgram
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 class LimitProblem:
@@ -93,7 +100,7 @@ class LimitProblem:
             for name, limits in self.constraints.items()
             if limits
         ]
-        variables = sum(variable.size for variable in stated._in_cvxpy[0].into.unknowns)
+        variables = sum(variable.size for variable in stated.unknowns)
         parts = [
             f"{len(scene.free):,} blocks, {len(scene.contacts):,} contacts",
             f"{variables:,} variables",
@@ -131,11 +138,67 @@ class LimitProblem:
         return self._stated.program
 
     @property
-    def constraints(self) -> dict[str, list[cp.Constraint]]:
+    def constraints(self) -> dict[str, Constraints]:
         """Those of :attr:`problem` by label: surfaces, ``"formulation"``, ``"equilibrium"``, and
-        what was added."""
-        own = {name: list(limits) for name, limits in self._stated.limits.items()}
-        return {**self._stated.constraints, **own}
+        what was added; lists that have a ``dual_value`` as well.
+
+        Duals are in the user's units, as all that is added: what the load factor, or the aim, gains
+        per unit by which a row is loosened, a force as a rule. That of equilibrium (6 free blocks,)
+        is the mechanism: velocities and rates of turning of each free block, at which the live load
+        has power 1; so much does a unit of further dead load cost.
+        """
+        every = {**self._stated.constraints, **self._stated.limits}
+        return {name: Constraints(limits) for name, limits in every.items()}
+
+    def interface(self, contact: str | int | tuple[str, str]) -> Interface:
+        """What one contact contributes: its forces, its constraints, slacks and duals.
+
+        Parameters
+        ----------
+        contact : str, int or (str, str)
+            Its name, as forces have it, its number, or its two blocks in any order.
+
+        Raises
+        ------
+        ModelError
+            If there is none, or more than one between these blocks.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene
+        >>> problem = LimitProblem(builtin_scene("single-block"))
+        >>> problem.interface("ground-b1")
+        Interface('ground-b1', limits: rocking 4, torsion-shear 5)
+        """
+        stated, names = self._stated, self._stated.assemblage.contacts.names
+        j, pairs = contact_number(contact, names, stated.pairs), stated.pairs
+        unit = stated.scaling.force
+        return Interface.of(j, names[j], pairs[j], stated.forces, stated.parts(), unit)
+
+    def to_dataframe(self) -> DataFrame:
+        """Forces, and what more resistance of each contact gains, as a pandas table.
+
+        A row for each contact: its blocks ``a`` and ``b``, ``V1`` to ``MT``, and
+        ``gain_rocking`` and so on, by label: what the load factor, or the aim, gains per unit of
+        force by which the contact resists more: the sum of its duals, without those of rows that
+        only bound a norm. NaN before a solve. ``attrs["units"]`` has units,
+        ``attrs["description"]`` what columns are.
+
+        Raises
+        ------
+        ModelError
+            If pandas is not installed.
+
+        Example
+        -------
+        >>> from cvxlimit import builtin_scene
+        >>> problem = LimitProblem(builtin_scene("single-block"))
+        >>> solution = problem.solve()
+        >>> problem.to_dataframe()[["N", "gain_rocking", "gain_torsion-shear"]].round(3).values
+        array([[3.2, 0.5, 0. ]])
+        """
+        table: DataFrame = attached("problem_table")(self)
+        return table
 
     @property
     def value(self) -> float | None:
@@ -182,6 +245,7 @@ class LimitProblem:
                 )
             if not limit.is_dcp():
                 raise ModelError(f"limit {name!r} is not convex by CVXPY's rules (DCP): {limit}")
+            self._refuse_foreign(f"limit {name!r}", limit)
         self._change({**self._stated.limits, name: limits})
         return limits[0] if len(limits) == 1 else list(limits)
 
@@ -199,6 +263,15 @@ class LimitProblem:
             raise ModelError(f"there is no added limit {name!r}: there are {names}")
         del own[name]
         self._change(own)
+
+    def _refuse_foreign(self, what: str, expression: Any) -> None:
+        other = foreign(expression, self._stated.unknowns)
+        if other is not None:
+            raise ModelError(
+                f"{what} has forces or the load factor of another LimitProblem, variable "
+                f"{other.name()!r}: take those of this one, or state both in one cvxpy.Problem, "
+                "as docs/problem.md shows"
+            )
 
     def _change(self, limits: dict[str, tuple[cp.Constraint, ...]]) -> None:
         self._stated.change(limits, self._stated.aim, self._stated.sense)
@@ -232,6 +305,8 @@ class LimitProblem:
         if aim is not None and not (aim.is_scalar() and (sense * aim).is_concave()):
             which = "concave can be maximised" if sense > 0.0 else "convex can be minimised"
             raise ModelError(f"only one number that is {which}, got {expression}")
+        if aim is not None:
+            self._refuse_foreign("the aim", aim)
         self._stated.change(self._stated.limits, aim, 1.0 if aim is None else sense)
 
     # What is found
@@ -333,8 +408,20 @@ class LimitProblem:
             return least, aside.solve(tolerance=tolerance)
 
 
-def problem_of(solution: Solution) -> LimitProblem:
+class Constraints(list[cp.Constraint]):
+    """Constraints under one label."""
+
+    @property
+    def dual_value(self) -> Any:
+        """That of the constraint, or a list of those of several."""
+        values = [each.dual_value for each in self]
+        return values[0] if len(values) == 1 else values
+
+
+def problem_of(solution: Solution) -> Any:
     """See :attr:`cvxlimit.Solution.problem`."""
+    if solution.from_rest is not None:
+        return attached("step_problem")(solution)
     problem = LimitProblem(solution.scene, solution.surfaces or solution.surface)
     problem._stated.surface = solution.surface
     return problem

@@ -24,6 +24,7 @@ from cvxpy.constraints import Equality, Inequality
 from cvxpy.reductions.solution import Solution
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
@@ -31,10 +32,14 @@ from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.sinks import Constraints, Rows, stacked
 from cvxlimit.model.statement import Stated
 from cvxlimit.model.statics import DOF
+from cvxlimit.problem.duals import ScaledConstraints
+from cvxlimit.problem.forces import ContactForces
 from cvxlimit.problem.given import Values
-from cvxlimit.problem.limits import ContactForces, LinearLimits, OwnLimits
+from cvxlimit.problem.interfaces import Part, parts_of
+from cvxlimit.problem.limits import ContactLimits, OwnLimits
 from cvxlimit.scene import Scene
-from cvxlimit.solvers import LimitState, Outcome, SolverSettings
+from cvxlimit.solvers import Ladder, LimitState, Outcome, SolverSettings
+from cvxlimit.solvers.table import SOLVERS, installed
 from cvxlimit.surfaces.base import YieldSurface
 from cvxlimit.surfaces.cones import Cone
 
@@ -56,9 +61,23 @@ class UserProgram(LimitProgram):
         self.limits: dict[str, tuple[cp.Constraint, ...]] = {}
         self.aim: cp.Expression | None = None
         self.sense = 1.0  # of the aim: -1 for one that is minimised
+        self.has_goal = True
         self.states: list[LimitState] | None = None  # of runs, where one's values are asked for
 
     # Limits and aim of one's own
+
+    @property
+    def unknowns(self) -> list[cp.Variable]:
+        """CVXPY's variables, without those of limits."""
+        into = self._in_cvxpy[0].into
+        assert isinstance(into, Constraints)
+        return into.unknowns
+
+    @property
+    def pairs(self) -> list[tuple[str, str]]:
+        """The blocks of each contact."""
+        contacts, ids = self.assemblage.contacts, [b.id for b in self.assemblage.scene.blocks]
+        return [(ids[a], ids[b]) for a, b in zip(contacts.a, contacts.b, strict=True)]
 
     @property
     def has_own(self) -> bool:
@@ -95,46 +114,58 @@ class UserProgram(LimitProgram):
         self.within: LimitState | None = None  # the limits, in a solve before
 
     def inside(self) -> Self:
-        """The same limits without an aim: an interior-point solver ends well inside them."""
+        """The same limits, with nothing to maximise: an interior-point solver ends well inside."""
         return self._inside
 
     @cached_property
     def _inside(self) -> Self:
-        result = copy(self)
+        result, own = copy(self), self._own
         result.states = None
-        # of variables that the copy shares
-        result.change(dict(self.limits), 0.0 * self._in_cvxpy[0].factor)
+        result.change(dict(self.limits), self.aim, self.sense)
+        result.__dict__["_own"] = own  # with the unknowns that CVXPY made for its functions
+        result.has_goal = False
         return result
 
-    def linear_limits(self) -> LinearLimits | str:
+    def contact_limits(self) -> ContactLimits | str:
         """What was added, as rows on contact forces and load factor at the Parameters' present
-        values, for proofs; or a sentence on why it is none of that kind. The multipliers of a state
-        are its ``own["multipliers"]``: what the objective gains per unit of ``right``."""
+        values, for proofs; or a sentence on why it is none of that kind. A state has multipliers of
+        these rows, what the objective gains per unit of ``right``, as ``own["multipliers"]``, and
+        values of further unknowns as ``own["others"]``."""
         if self._own is None:
             return "nothing was added"
         stated, _ = self._in_cvxpy
-        if self._strength[0]:
+        if self._conditions[0]:
             return "limits have a bracket on surfaces without unknowns of their own only"
         starts = self.model.start.values()
         internal = {v.id: at for v, at in zip(stated.internal, starts, strict=True)}
         units, load = self.scaling.force * self._unit, self.scaling.load_factor(1.0)
         forces = sp.csr_array(self.model.resultant_map @ sp.diags_array(units))
-        return self._own.linear(internal, forces, stated.factor.id, load)
+        return self._own.on_contacts(internal, forces, stated.factor.id, load)
 
     # The two sinks, with limits and aim
 
+    @cached_property
+    def _in_cvxpy(self) -> tuple[Stated, Any]:
+        factor = self.scaling.load_factor(1.0)
+
+        def rates(duals: Any) -> FloatArray:
+            return self.equilibrium.mechanism(np.ravel(duals) / factor).ravel()
+
+        return self.stated(ScaledConstraints(self.scaling.force, rates))
+
     def stated(self, into: Constraints | Rows) -> tuple[Stated, Any]:
         stated, goal = super().stated(into)
-        if self._own is not None and isinstance(into, Rows):
+        if self._own is not None and self._own.is_compiled and isinstance(into, Rows):
             forms = {variable.id: form for variable, form in self._pairs(stated)}
             own = self._own.state(into, forms)
             goal = goal if self.aim is None else own
-        return stated, goal
+        return stated, goal if self.has_goal else 0.0 * stated.factor
 
     def _pairs(self, stated: Stated) -> Iterator[tuple[cp.Variable, Any]]:
         """CVXPY's variables, and the unknowns of the rows that they are."""
-        theirs, ours = self._in_cvxpy[0].into.unknowns, stated.into.unknowns
-        return zip(theirs, ours, strict=False)  # others are unknowns of the own limits
+        return zip(
+            self.unknowns, stated.into.unknowns, strict=False
+        )  # others are unknowns of the own limits
 
     @cached_property
     def problem(self) -> cp.Problem:
@@ -143,10 +174,26 @@ class UserProgram(LimitProgram):
         for into.label, limits in self.limits.items():
             for limit in limits:
                 into.keep(limit)
-        if self.aim is None:
-            return cp.Problem(cp.Maximize(self.factor), into.all)
+        if self.aim is None or not self.has_goal:
+            return cp.Problem(cp.Maximize(float(self.has_goal) * self.factor), into.all)
         wanted = cp.Maximize if self.sense > 0.0 else cp.Minimize
         return cp.Problem(wanted(self.aim), into.all)
+
+    def ladder(self, tolerance: float = 1e-5) -> Ladder:
+        """As of the limit problem; solvers that CVXPY has for them where limits have other cones,
+        or whole numbers."""
+        if self._own is None or self._own.is_compiled:
+            return super().ladder(tolerance)
+        is_integer, has_cones = self._own.is_integer, bool(self._in_rows[1].program.cones)
+        names = ("MOSEK", "GUROBI", "HIGHS") if is_integer else ("CLARABEL", "SCS")
+        rows = [SOLVERS[name] for name in names if name in installed()]
+        found = tuple(row.at() for row in rows if row.has_cones or not has_cones)
+        if not found:
+            raise ModelError(
+                f"{self._own.no_rows}, and no solver that is installed takes these with the cones "
+                f"of surface {self.surface!r}: a polygon has none, as surface='octagon'"
+            )
+        return found
 
     @property
     def gain(self) -> float:
@@ -161,11 +208,13 @@ class UserProgram(LimitProgram):
         if own is not None and state.values is not None:
             if isinstance(state.values, Solution):
                 found = own.of_cvxpy(state.values.dual_vars)
+                others = np.zeros(0)  # if there are any, there are no multipliers either
             else:
-                y = state.values[1]
+                x, y = state.values
                 found = self.gain * own.multipliers(y[own.places(self._in_rows[1].program)])
+                others = own.others(x, [variable.id for variable in self.unknowns])
             if found is not None:
-                state = replace(state, own={**state.own, "multipliers": found})
+                state = replace(state, own={**state.own, "multipliers": found, "others": others})
         if self.states is not None:
             self.states.append(state)
         return state
@@ -177,6 +226,34 @@ class UserProgram(LimitProgram):
         if duals is not None and self.aim is not None:  # duals of an aim are in its units
             duals = np.asarray(duals) / self.scaling.load_factor(1.0)
         return super()._state(outcome, internal, factor, duals, own)
+
+    # Which rows are whose
+
+    def places(self) -> Iterator[tuple[cp.Constraint, slice]]:
+        """The limit problem's constraints in CVXPY, and where their rows stand in the program."""
+        theirs, program = self._in_cvxpy[0].into, self._in_rows[1].program
+        assert isinstance(theirs, Constraints)
+        # both sinks were told the same in the same order, each kind of rows apart
+        starts = {Equality: 0, Inequality: program.zero, cp.SOC: program.zero + program.nonneg}
+        for constraint in theirs.stated:
+            start = starts[type(constraint)]
+            starts[type(constraint)] += constraint.size
+            yield constraint, slice(start, start + constraint.size)
+
+    def parts(self) -> list[Part]:
+        """What contacts bear, with the contact of each row."""
+        stated, written = self._in_rows
+        start, contact = 0, np.full(written.program.matrix.shape[1], -1)
+        for form in stated.internal:
+            is_entry = form.column >= 0
+            contact[form.column[is_entry]] = self.model.contact[start + form.row[is_entry]]
+            start += form.size
+        is_bound = contact < 0
+        is_bound[stated.factor.column] = False
+        names = {c.id: name for name, every in self.constraints.items() for c in every}
+        placed = [(names[c.id], c, at) for c, at in self.places() if names[c.id] != "equilibrium"]
+        patterns = sp.csr_array(written.program.matrix), sp.csr_array(self.program.matrix)
+        return parts_of(placed, *patterns, contact, is_bound)
 
     # What CVXPY's expressions, variables and duals say
 
@@ -234,25 +311,20 @@ class UserProgram(LimitProgram):
             yield
         finally:
             for each, value in zip(said, before, strict=True):
-                each.save_value(value)
+                cp.Variable.save_value(each, value)  # as it was, in the user's units
 
     def _solution(self, state: LimitState) -> Solution:
         """A state's values as CVXPY's record, by the ids of variables and constraints."""
         if isinstance(state.values, Solution):
             return state.values
         (stated, written), (x, y) = self._in_rows, state.values
-        theirs, program, gain = self._in_cvxpy[0].into, written.program, self.gain
-        assert isinstance(theirs, Constraints)
+        program, gain = written.program, self.gain
         primal = {v.id: form.values(x).reshape(v.shape) for v, form in self._pairs(stated)}
-        # both sinks were told the same in the same order, each kind of rows apart
         duals = dict[int, FloatArray]()
-        starts = {Equality: 0, Inequality: program.zero, cp.SOC: program.zero + program.nonneg}
-        for constraint in theirs.stated:
-            start, size = starts[type(constraint)], constraint.size
-            starts[type(constraint)] += size
-            dual = gain * y[start : start + size]
-            duals[constraint.id] = dual.reshape(constraint.shape) if size == 1 else dual
-        if self._own is not None:
+        for constraint, at in self.places():
+            dual, is_one = gain * y[at], at.stop - at.start == 1
+            duals[constraint.id] = dual.reshape(constraint.shape) if is_one else dual
+        if self._own is not None and self._own.is_compiled:
             own = self._own.solution(x, gain * y[self._own.places(program)])
             primal, duals = {**own.primal_vars, **primal}, {**duals, **own.dual_vars}
         return Solution(state.outcome.status, None, primal, duals, {})

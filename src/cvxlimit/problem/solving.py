@@ -17,13 +17,17 @@ from cvxlimit.methods.driver import Run, Steps, drive
 from cvxlimit.methods.wedging import judged
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.problem.limits import smallest_conflict
-from cvxlimit.problem.own_limits import OwnCertifier
+from cvxlimit.problem.own_limits import OwnCertifier, OwnState
 from cvxlimit.problem.program import UserProgram
+from cvxlimit.proof.certificate import Certifier
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, known
 from cvxlimit.solvers import LimitState, SolverSettings, asked_ladder
 from cvxlimit.solvers.program import check_options
 from cvxlimit.solvers.table import options_of
+from cvxlimit.surfaces.coulomb import Bounds
+
+_NOT_STORED = "result files keep no limits: once stored, these bounds cannot be proved again"
 
 
 @dataclass(frozen=True)
@@ -38,14 +42,14 @@ class OneProblem(Convex):
             return (yield from self._own(run, self.problem))
         search = ConvexSearch(run, "full", self.tolerance, self.budget, self.problem)
         status = yield from search.steps()
-        self.problem.reference = search.certifier.witnesses.known
+        self.problem.reference = search.certifier.references.known
         return judged(run) if status is Status.UNBOUNDED else status
 
     def _own(self, run: Run, problem: UserProgram) -> Steps:
         """Solves with limits or an aim of the user's, with both bounds, where all of them are
         linear."""
         search = ConvexSearch(run, "full", self.tolerance, self.budget, problem)
-        limits, proof, why = problem.linear_limits(), None, ""
+        limits, proof, why = problem.contact_limits(), None, ""
         if isinstance(limits, str):
             why = f"no bracket: {limits}"
         else:
@@ -63,14 +67,15 @@ class OneProblem(Convex):
                 run.remarks = [_without_answer(problem, state.outcome.status)]
                 return Status.NOT_CERTIFIED
             if best.is_within(self.tolerance) and best.is_proved:
-                run.remarks = [f"with {problem.said_own}"]
+                run.remarks = [f"with {problem.said_own}", _NOT_STORED]
                 return Status.CERTIFIED
             if found is not None and (proof is None or not best.has_any):
                 break  # another solver would not prove more
         if found is None:
             return Status.SOLVER_FAILED
         why = why if proof is None else proof.why_open(run.best.bracket)
-        run.remarks = [f"with {problem.said_own}", why]
+        stored = [_NOT_STORED] if run.best.bracket.has_any else []
+        run.remarks = [f"with {problem.said_own}", why, *stored]
         return Status.NOT_CERTIFIED
 
     def _bracketed(
@@ -84,22 +89,27 @@ class OneProblem(Convex):
         if proof is None:
             return Answer(value, Bracket(), state.forces, None)
         mechanism, multipliers = state.mechanism, state.own.get("multipliers")
-        certifier, factor = search.certifier, state.load_factor
-        forces, reserve = certifier.given(state), certifier.witnesses.dead_state
-        about = mechanism, multipliers
-        known_state = None if reserve is None else (reserve, certifier.witnesses.factor)
-        bracket = proof.bracket(forces, factor, known_state, *about)
+        certifier, about = search.certifier, (mechanism, multipliers)
+        found, reserve = _own_state(certifier, state), None
+        if (dead := certifier.references.dead_state) is not None:
+            reserve = OwnState(dead, certifier.references.factor, np.zeros(0))
+        bracket = proof.bracket(found, reserve, *about)
         if not np.isfinite(bracket.upper) and multipliers is not None:
             search.aside.opening_field()
-            bracket = proof.bracket(forces, factor, known_state, *about)
+            bracket = proof.bracket(found, reserve, *about)
         # the dead load alone may break the limits, or carry another load factor than theirs
         others = _inside(search.run, problem)
         while not bracket.is_within(self.tolerance) and (near := next(others, None)) is not None:
-            given, at = certifier.given(near), near.load_factor
-            if given is not None and at is not None:
-                other = proof.bracket(forces, factor, (given, at), *about)
-                bracket = bracket.raised(other.lower, other.lower_is_proved)
+            other = proof.bracket(found, _own_state(certifier, near), *about)
+            bracket = bracket.raised(other.lower, other.lower_is_proved)
         return Answer(value, bracket, state.forces, mechanism)
+
+
+def _own_state(certifier: Certifier, state: LimitState) -> OwnState | None:
+    forces, factor = certifier.given(state), state.load_factor
+    if forces is None or factor is None:
+        return None
+    return OwnState(forces, factor, state.own.get("others", np.zeros(0)))
 
 
 def _inside(run: Run, problem: UserProgram) -> Iterator[LimitState]:
@@ -164,11 +174,8 @@ def solved(
     finally:
         problem.states = None
     if problem.sense < 0.0:
-        low, high = found.bracket.upper, found.bracket.lower
-        proofs = found.bracket.upper_is_proved, found.bracket.lower_is_proved
-        bracket = Bracket(-low, -high, *proofs, found.bracket.least)
         factor = None if found.load_factor is None else -found.load_factor
-        found = replace(found, load_factor=factor, bracket=bracket)
+        found = replace(found, load_factor=factor, bracket=found.bracket.turned)
     return found
 
 
@@ -182,7 +189,8 @@ def _tell(problem: UserProgram, found: Solution, best: Answer) -> None:
         for state in states
         if state.mechanism is not None and state.mechanism is best.mechanism
     ]
-    if found.load_factor is not None and primal:
+    has_values = found.load_factor is not None or found.status is Status.NOT_CERTIFIED
+    if has_values and primal:
         status = OPTIMAL if found.status is Status.CERTIFIED else primal[0].outcome.status
         problem.tell(primal[0], (dual or primal)[0], status)
         return
@@ -205,8 +213,9 @@ def _solved(
 ) -> tuple[Solution, Answer]:  # fmt: skip
     """The solution, and the answer that it was made of."""
     given = replace(given, strengths=problem.strengths)
+    surfaces = [s for s in problem.surfaces if s.name != Bounds.name]  # others add what they need
     run = Run(
-        given, problem.surfaces, formulation=problem.formulation, ladder=ladder, verbose=verbose,
+        given, surfaces, formulation=problem.formulation, ladder=ladder, verbose=verbose,
         model="full",
     )  # fmt: skip
     run.surface = problem.surface

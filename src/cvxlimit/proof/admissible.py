@@ -95,5 +95,4 @@ def _carries(strength: Strength, state: FloatArray, most: float, length: float) 
     a, b = (statics.row_of_block[block] for block in (statics.contacts.a, statics.contacts.b))
     acting = np.append(statics.acting(forces, 0.0, length), np.inf)  # supports, -1, are the last
     least = np.minimum(acting[a], acting[b])
-    conditions = zip(strength.excess(state), strength.rows, strict=True)
-    return all((excess <= most * least[rows]).all() for excess, rows in conditions)
+    return bool((strength.excess(state) <= most * least[strength.rows]).all())

@@ -12,10 +12,10 @@ contacts take up no more than D. Admissible forces do no less than -D of work on
 
 Every such x proves a lower bound alpha, every such u the upper bound on the right.
 
-*Slater states.* What a solver returns is nearly such x and u. Two reference states repair it, and
-cost little of the bound (:mod:`cvxlimit.proof.slater`):
+*Reference states.* What a solver returns is nearly such x and u. Two states repair it, and cost
+little of the bound (:mod:`cvxlimit.proof.references`):
 
-- Forces that exceed a yield function by y are mixed with a *dead-load state* x_d, which balances
+- Forces that exceed a yield function by y are mixed with a *dead state* x_d, which balances
   the dead load strictly inside, with a reserve m there: (1 - t) x + t x_d is admissible for
   t = max y / (y + m), and (1 - t) alpha is a lower bound. Where the dead load stands only with a
   part alpha_d of the live load, x_d carries that, and (1 - t) alpha + t alpha_d is the bound.
@@ -54,27 +54,24 @@ from numpy.typing import ArrayLike
 from cvxlimit.base.arrays import EPSILON, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.flow import corner_openings
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import BALANCED, DOF, block_sizes
 from cvxlimit.proof.checks import SLACK
+from cvxlimit.proof.flow import corner_openings, scaled
 from cvxlimit.proof.gluing import glued, without_idle
 from cvxlimit.proof.opening import OpenedMechanism, open_mechanism, spare_opening
-from cvxlimit.proof.slater import Witnesses
+from cvxlimit.proof.references import References
 from cvxlimit.proof.strength import NOTHING, ContactFlow, Flow, Strength, finite
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import REFERENCE, TOLERANCE, Certificate, Reference
 from cvxlimit.solvers import LimitState
+from cvxlimit.solvers.running import Flows
 from cvxlimit.surfaces.base import YieldSurface
 
 _STUCK, _LOOSELY_STUCK = (1e-9, 1e-12), 1e-6
 """A contact whose relative rates are below this share of the mechanism's largest rate counts as
 stuck, so that its two blocks are glued. Both shares are tried, since solvers leave up to 1e-11
 where nothing moves; the loose one where neither of them proves a bound."""
-
-_GRIPPING = 100.0
-"""Friction coefficient from which gluing is tried although a bound is proved: the flow rule asks
-for an opening of friction times slip, so that slips by rounding widen the bracket."""
 
 
 class _Bound(NamedTuple):
@@ -96,7 +93,7 @@ _NO_LOWER, _NO_UPPER = _Bound(-np.inf), _Bound(np.inf)
 class Certifier:
     """Certifies forces and mechanisms of one scene under given surfaces.
 
-    Its reference states, ``witnesses``, are sought when a bound needs them; who has some offers
+    Its reference states, ``references``, are sought when a bound needs them; who has some offers
     them, and each is checked first.
 
     Parameters
@@ -131,7 +128,7 @@ class Certifier:
             self.strength = Strength.shared(self.assemblage, surfaces, formulation)
         else:
             self.strength = Strength(self.assemblage, surfaces, formulation, flow)
-        self.witnesses = Witnesses(self.assemblage, self.strength)
+        self.references = References(self.assemblage, self.strength)
         self.surfaces, self.formulation = tuple(surfaces), formulation
         self._can_reduce, self._width, self._flow = True, width, flow
         self.size = self.statics.contacts.typical_size
@@ -142,8 +139,8 @@ class Certifier:
         result.strength = copy(self.strength)
         result.strength.flow = flow
         result._can_reduce = False
-        result.witnesses = copy(self.witnesses)
-        result.witnesses.strength = result.strength
+        result.references = copy(self.references)
+        result.references.strength = result.strength
         return result
 
     def refer_to(self, given: Reference, has_live: bool = False) -> bool:
@@ -155,7 +152,7 @@ class Certifier:
         Nothing is believed: rates are checked wherever they are used; forces must be strictly
         inside, in equilibrium to rounding. What they leave must be little of the loads too, and not
         of themselves only: where blocks wedge each other, they may be as large as one likes."""
-        self.witnesses.borrowed_field = self._rates(given.rates)
+        self.references.borrowed_field = self._rates(given.rates)
         state, factor = self.strength.state(given.forces), 0.0
         if state is None:
             return given.forces is None
@@ -165,11 +162,11 @@ class Certifier:
             state = self.strength.balanced(state, factor, self.statics)
         left = float(self._unbalanced(state, factor).max()) / self._total_load(factor)
         if is_taken := left <= SLACK and self._reserve(state, factor) > 0.0:
-            self.witnesses.dead_state, self.witnesses.factor = state, factor
+            self.references.dead_state, self.references.factor = state, factor
         return is_taken
 
     def offer_dead_state(self, forces: ArrayLike, factor: float = 0.0) -> bool:
-        """Offer contact forces (n, 6) as the dead-load state; returns True if they prove to be one.
+        """Offer contact forces (n, 6) as the dead state; returns True if they prove to be one.
 
         They are put into equilibrium first, and must be strictly inside all surfaces after that.
         They replace the present state only if they have more reserve. Forces that carry ``factor``
@@ -187,9 +184,9 @@ class Certifier:
             factor = self.strength.balancing(given, factor, self.statics)
         balanced = self.strength.balanced(given, factor, self.statics)
         reserve = self._reserve(balanced, factor)
-        present = None if factor else self.witnesses.easy_dead_state
-        if reserve > (0.0 if present is None else self._reserve(present, self.witnesses.factor)):
-            self.witnesses.dead_state, self.witnesses.factor = balanced, factor
+        present = None if factor else self.references.easy_dead_state
+        if reserve > (0.0 if present is None else self._reserve(present, self.references.factor)):
+            self.references.dead_state, self.references.factor = balanced, factor
         return reserve > 0.0
 
     def offer_opening_field(self, rates: ArrayLike) -> bool:
@@ -198,7 +195,7 @@ class Certifier:
         given = self._rates(rates)
         opens = given is not None and bool(spare_opening(self.strength, given).min() > 0.0)
         if opens:
-            self.witnesses.opening_field = self.witnesses.borrowed_field = given
+            self.references.opening_field = self.references.borrowed_field = given
         return opens
 
     def _reserve(self, state: FloatArray, factor: float) -> float:
@@ -206,14 +203,18 @@ class Certifier:
         it does not balance the loads at ``factor``."""
         if not (np.isfinite(state).all() and self.is_balanced(state, factor)):
             return -np.inf
-        excess = np.concatenate(self.strength.excess(state))
+        excess = self.strength.excess(state)
         return -float(excess.max(initial=-np.inf, where=excess != -NOTHING))
 
     def certificate(
-        self, forces: ArrayLike | None, load_factor: float | None, mechanism: ArrayLike | None
+        self,
+        forces: ArrayLike | None,
+        load_factor: float | None,
+        mechanism: ArrayLike | None,
+        flows: Flows | None = None,
     ) -> Certificate:
         """Returns the bracket that contact forces (n, 6) at ``load_factor`` and a mechanism
-        (free blocks, 6) prove.
+        (free blocks, 6) prove; ``flows`` are a solver's duals that belong to it, if it gave some.
 
         Forces are internal ones (p,) where the formulation states conditions of its own. A side
         that is None, or not finite, has an infinite bound.
@@ -228,8 +229,8 @@ class Certifier:
         rate = np.inf if u is None else self._largest_rate(u)
         # The upper bound: of the mechanism as it is, or with blocks glued that do not part.
         if u is not None:
-            upper = self._upper(u, self._largest_force(x), rate)
-            if not upper.is_proved or self.statics.contacts.friction.max() > _GRIPPING:
+            upper = self._upper(u, self._largest_force(x), rate, flows)
+            if not upper.is_proved:
                 upper = self._better_as_glued(upper, u, x, *_STUCK)
             if not upper.is_proved:
                 upper = self._better_as_glued(upper, u, x, _LOOSELY_STUCK)
@@ -253,7 +254,8 @@ class Certifier:
 
     def of(self, state: LimitState) -> Certificate:
         """Returns the bracket of a solver's answer."""
-        return self.certificate(self.given(state), state.load_factor, state.mechanism)
+        forces, factor = self.given(state), state.load_factor
+        return self.certificate(forces, factor, state.mechanism, state.flows)
 
     def given(self, state: LimitState) -> FloatArray | None:
         """Returns the forces of a solver's answer as the state x that is checked."""
@@ -263,7 +265,7 @@ class Certifier:
         """Returns the largest residual of equilibrium and the largest yield excess of a state, both
         over the total load."""
         load, residual = self._total_load(alpha), float(self._unbalanced(x, alpha).max())
-        excess = max(0.0, *(float(y.max()) for y in self.strength.excess(x)))
+        excess = float(self.strength.excess(x).max(initial=0.0))
         return residual / load, excess / load
 
     def _unbalanced(self, x: FloatArray, alpha: float) -> FloatArray:
@@ -285,24 +287,22 @@ class Certifier:
         if not np.isfinite(x).all():
             return _Bound(-np.inf, False, errors)
 
-        # Without a dead-load state, what is violated is weighted by the largest rate.
+        # Without a dead state, what is violated is weighted by the largest rate.
         excess = self.strength.excess(x)
-        dead_state, dead_factor = self.witnesses.dead_state, self.witnesses.factor
+        dead_state, dead_factor = self.references.dead_state, self.references.factor
         is_balanced = self.is_balanced(x, alpha)
         if dead_state is None or not (is_balanced and self.is_balanced(dead_state, dead_factor)):
             violated = self._unbalanced(x, alpha).sum()
-            violated += sum(float(np.maximum(y, 0.0).sum()) for y in excess)
+            violated += float(np.maximum(excess, 0.0).sum())
             error = violated * REFERENCE * rate if violated > 0.0 else 0.0
             return _Bound(alpha - error if np.isfinite(error) else -np.inf, False, errors)
 
-        # The least share t of the dead-load state that brings the mixture inside all surfaces. That
+        # The least share t of the dead state that brings the mixture inside all surfaces. That
         # of crushing is convex where rocking holds: it is asked again of that mixture.
         dead_excess, lower = self.strength.excess(dead_state), alpha
         for again in (False,) if self.strength.crushing is None else (False, True):
-            share, excess = 0.0, self.strength.excess(x) if again else excess
-            for y, y_dead in zip(excess, dead_excess, strict=True):
-                beyond = np.maximum(y, 0.0)
-                share = max(share, float((beyond / (beyond - y_dead)).max()))
+            beyond = np.maximum(self.strength.excess(x) if again else excess, 0.0)
+            share = float((beyond / (beyond - dead_excess)).max(initial=0.0))
             x, lower = x + share * (dead_state - x), lower + share * (dead_factor - lower)
 
         # Residuals of the mixture that count as rounding may carry some of the load factor: their
@@ -375,14 +375,16 @@ class Certifier:
         sizes = block_sizes(self.strength.forces(x), self.size)
         return float((sizes if contacts is None else sizes[contacts]).max(initial=0.0))
 
-    def _upper(self, u: FloatArray, largest_force: float, largest_rate: float) -> _Bound:
+    def _upper(
+        self, u: FloatArray, largest_force: float, largest_rate: float, flows: Flows | None = None
+    ) -> _Bound:
         """Returns the upper bound of a mechanism u. ``largest_force`` is that of the forces at
         collapse, ``largest_rate`` that of u at live power 1."""
         live = float(self.statics.live @ u.ravel())
         if not live > 0.0:
             return _NO_UPPER
-        u = u / live
-        opened = self.opened(u)
+        u, flows = u / live, None if flows is None else scaled(flows, 1.0 / live)
+        opened = open_mechanism(self.strength, self.references, u, duals=flows)
         errors, dissipation = (opened.violation / largest_rate, opened.missing), opened.dissipation
 
         # A mechanism that cannot be opened: missing openings are weighted by the largest force.
@@ -407,7 +409,7 @@ class Certifier:
         self, mechanism: FloatArray, own: tuple[FloatArray, FloatArray] | None = None
     ) -> OpenedMechanism:
         """Returns :func:`~cvxlimit.proof.opening.open_mechanism` with this certifier's fields."""
-        return open_mechanism(self.strength, self.witnesses, mechanism, own)
+        return open_mechanism(self.strength, self.references, mechanism, own)
 
     def is_balanced(self, state: FloatArray, alpha: float) -> bool:
         """Returns True if a state balances the loads at ``alpha`` up to rounding."""

@@ -1,9 +1,12 @@
-"""A claim that is checked again, and how near a number has to come to be the one claimed."""
+"""A claim that is checked again, how near a number has to come, and the walk over what is held.
+
+Every entry of what is held is one of three: it proves others, it is found anew, or it is named.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -60,20 +63,33 @@ def unseen(claim: str, why: str = "") -> Check:
     return Check(claim, True, why, "not looked at")
 
 
-def unseen_fields(held: Any, seen: Collection[str]) -> Iterator[Check]:
-    """The fields of a dataclass that say something, and were not looked at."""
-    for each in fields(held):
-        usual = each.default if each.default_factory is MISSING else each.default_factory()
-        if each.name not in seen and not is_alike(getattr(held, each.name), usual):
-            yield unseen(each.name)
+def compared(
+    held: Any, found: Mapping[str, Any], told: Collection[str] = (), near: float = SLACK
+) -> Iterator[Check]:
+    """Every entry of a record or a mapping that is held, but for those ``told`` otherwise, which
+    prove others or are claims of their own: it follows if it is as it was ``found`` anew, numbers
+    ``near`` it; what nobody found is named if it says something."""
+    names = held if isinstance(held, Mapping) else [each.name for each in fields(held)]
+    for name in (name for name in names if name not in told):
+        own = held[name] if isinstance(held, Mapping) else getattr(held, name)
+        if name not in found:
+            yield from [unseen(name)] if says(own) else []
+        elif says(own) or says(found[name]):
+            claim = f"{name} {own!r:.60}" if isinstance(own, str | int | float) else name
+            yield follows(claim, is_alike(own, found[name], near), f"it is {found[name]!r:.80}")
 
 
-def is_alike(held: Any, found: Any) -> bool:
-    """True for what is the same, numbers within :data:`SLACK` of it."""
+def says(value: Any) -> bool:
+    """False for what is none, empty, nothing or zero."""
+    return len(value) > 0 if isinstance(value, np.ndarray) else bool(value)
+
+
+def is_alike(held: Any, found: Any, near: float = SLACK) -> bool:
+    """True for what is the same, numbers within so much of it."""
     if is_dataclass(held) and type(held) is type(found):
-        return all(is_alike(getattr(held, f.name), getattr(found, f.name)) for f in fields(held))
-    if isinstance(held, float) and isinstance(found, float):
-        return held == found or bool(abs(held - found) <= SLACK * max(abs(held), abs(found)))
-    if isinstance(held, np.ndarray):
-        return np.array_equal(held, found)
+        pairs = ((getattr(held, f.name), getattr(found, f.name)) for f in fields(held))
+        return all(is_alike(own, other, near) for own, other in pairs)
+    if isinstance(held, float | np.ndarray) and isinstance(found, float | np.ndarray):
+        is_near = np.isclose(held, found, near, 0.0, equal_nan=True)
+        return np.shape(held) == np.shape(found) and bool(is_near.all())
     return bool(held == found)

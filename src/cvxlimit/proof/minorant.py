@@ -29,7 +29,7 @@ class Minorant(NamedTuple):
 
     constant: float
     slope: float
-    rounding: float = 0.0
+    rounding: float
 
 
 def minorant(certifier: Certifier, weights: FloatArray, mechanism: FloatArray) -> Minorant | None:

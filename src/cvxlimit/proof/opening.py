@@ -13,8 +13,9 @@ import numpy as np
 
 from cvxlimit.base.arrays import EPSILON, FloatArray
 from cvxlimit.model.statics import DOF
-from cvxlimit.proof.slater import Witnesses
+from cvxlimit.proof.references import References
 from cvxlimit.proof.strength import Strength
+from cvxlimit.solvers.running import Flows
 
 
 class OpenedMechanism(NamedTuple):
@@ -41,15 +42,17 @@ class OpenedMechanism(NamedTuple):
 
 def open_mechanism(
     strength: Strength,
-    witnesses: Witnesses,
+    references: References,
     mechanism: FloatArray,
     own: tuple[FloatArray, FloatArray] | None = None,
+    duals: Flows | None = None,
 ) -> OpenedMechanism:
     """Returns a mechanism (free blocks, 6) with its contacts opened until the flow rule allows it;
     the mechanism as it is where no field is known that opens every contact.
 
     ``own`` are relative rates (n, 6) that are added to those of the mechanism, as a user's own
-    limits on forces do, and the sums (n, 6) of the sizes of their terms, for rounding.
+    limits on forces do, and the sums (n, 6) of the sizes of their terms, for rounding. ``duals``
+    are a solver's that belong to the mechanism.
     """
     statics = strength.assemblage.statics
     relative, rounding = statics.relative_rates(mechanism), _rounding(strength, mechanism)
@@ -57,7 +60,7 @@ def open_mechanism(
     if own is not None:
         relative, sizes = relative + own[0], np.append(sizes, own[1])
         rounding = rounding + EPSILON * (own[1] * strength.rate_sizes).sum(axis=1)
-    shortfall = strength.flow.shortfall(relative)
+    shortfall = strength.flow.shortfall(relative, duals)
     missing = shortfall.missing + rounding
 
     # A field that opens every contact, and its share t that makes up for what is missing.
@@ -65,7 +68,7 @@ def open_mechanism(
     lacks = missing > 0.0  # a contact without any state misses -inf and has inf to spare
     if not lacks.any():
         field = np.zeros((len(statics.dead) // DOF, DOF))
-    for candidate in witnesses.opening_fields() if field is None else ():
+    for candidate in references.opening_fields() if field is None else ():
         spare = spare_opening(strength, candidate)
         if spare.min() > 0.0:
             field, share = candidate, float(np.max(missing[lacks] / spare[lacks], initial=0.0))

@@ -8,7 +8,7 @@ mixture (1 - t) x + t x' exceeds no condition by more than (1 - t) y(x) + t y(x'
 *Flow rule.* Admissible forces do no less than -D(v) of work on the relative rates v of a contact,
 where D(v) is the most that they can take up. It is finite where v opens the contact enough for its
 slip, by friction times that for Coulomb's; what is missing of that opening, what it dissipates and
-what slips are resisted by nothing is the :class:`~cvxlimit.model.flow.Shortfall` of ``flow``.
+what slips are resisted by nothing is the :class:`~cvxlimit.proof.flow.Shortfall` of ``flow``.
 
 *Equilibrium.* States are put into equilibrium by the least change of compressions at corners, shear
 and torsion (:meth:`Strength.balanced`). Forces that nothing resists, as the shear of a contact
@@ -34,9 +34,10 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
 from cvxlimit.model.crushing import EffectiveRectangles, recession_of
-from cvxlimit.model.flow import FlowRule, Shortfall
 from cvxlimit.model.formulations import Formulation, corner_compressions, is_weak, model_of
 from cvxlimit.model.statics import SMALLEST, Statics
+from cvxlimit.proof.flow import FlowRule, Shortfall
+from cvxlimit.solvers.running import Flows
 from cvxlimit.surfaces.base import (
     Condition,
     Recession,
@@ -56,9 +57,10 @@ least number but one of rounding, so that it is inside and lends nothing to a mi
 
 
 class Flow(Protocol):
-    """The methods that proofs need of a flow rule; :class:`FlowRule` describes them."""
+    """The methods that proofs need of a flow rule; :class:`FlowRule` describes them. One that
+    leaves no choice has no use for ``duals``."""
 
-    def shortfall(self, rates: FloatArray) -> Shortfall: ...
+    def shortfall(self, rates: FloatArray, duals: Flows | None = None) -> Shortfall: ...
 
     def opened(self, rates: FloatArray) -> Shortfall: ...
 
@@ -115,7 +117,7 @@ class Strength:
     def conditions(self) -> list[tuple[Condition, Cone]]:
         """All conditions on states, each with the cone that bounds its norms."""
         if self.is_internal:
-            return [(c, cone) for _, c, cone in self.model.strength(self.surfaces)]
+            return [(c, cone) for _, c, cone in self.model.all_conditions(self.surfaces)]
         return [(c, s.cone) for s, c in conditions_of(self.surfaces, self.contacts)]
 
     @cached_property
@@ -141,32 +143,32 @@ class Strength:
         """Returns the contact forces (n, 6) of a state."""
         return self.model.forces(state) if self.is_internal else state
 
-    def excess(self, state: FloatArray) -> list[FloatArray]:
-        """Returns the yield functions y of a state, as forces, one array per condition; y <= 0 is
-        admissible."""
+    def excess(self, state: FloatArray) -> FloatArray:
+        """Returns the yield functions y (k,) of a state, as forces, condition by condition; y <= 0
+        is admissible."""
         values = columns(state) if not self.is_internal else self.model.values(state)
-        excess = excesses(self.conditions, values)
+        excess = np.concatenate([np.zeros(0), *excesses(self.conditions, values)])
         rows_without, unresisted = self._unresisted
         if unresisted.any():  # a state without these forces is inside
-            pairs = zip(excess, rows_without, strict=True)
-            excess = [np.where(is_zero & (y <= 0.0), -NOTHING, y) for y, is_zero in pairs]
+            is_zero = np.concatenate([np.zeros(0, bool), *rows_without])
+            excess = np.where(is_zero & (excess <= 0.0), -NOTHING, excess)
+        parts = [-state[self._pressed].ravel(), excess]
         if len(self._points) and not self.is_internal:  # they bear nothing but compression
             others = np.delete(state[self._points], COLUMN["N"], axis=1)
             beyond = np.abs(others).max(axis=1)
-            excess.append(np.where(beyond == 0.0, -NOTHING, beyond))
+            parts.append(np.where(beyond == 0.0, -NOTHING, beyond))
         if self.crushing is not None:
-            excess.append(self.crushing.excess(state))
-        return [-state[self._pressed], *excess] if len(self._pressed) else excess
+            parts.append(self.crushing.excess(state))
+        return np.concatenate(parts)
 
     @cached_property
-    def rows(self) -> list[IntArray]:
-        """The contact of every entry of :meth:`excess`."""
+    def rows(self) -> IntArray:
+        """The contact (k,) of every entry of :meth:`excess`."""
         rows = [condition.rows(self.model.count) for condition, _ in self.conditions]
-        if len(self._points) and not self.is_internal:
-            rows.append(self._points)
-        if self.crushing is not None:
-            rows.append(self.crushing.rows)
-        return [self.model.contact[self._pressed], *rows] if len(self._pressed) else rows
+        none = np.zeros(0, int)
+        points = none if self.is_internal else self._points
+        crushing = none if self.crushing is None else self.crushing.rows
+        return np.concatenate([self.model.contact[self._pressed], *rows, points, crushing])
 
     @cached_property
     def _unresisted(self) -> tuple[list[BoolArray], BoolArray]:

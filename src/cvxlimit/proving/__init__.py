@@ -1,5 +1,6 @@
 """Results, domains, paths and sweeps, proved again.
 
-To read: ``prove.py``, the call and its door; ``solutions.py``, a result; ``derived.py``, what it
-says beside its bounds. Extensions prove their formats by these: ``paths``, ``studies``.
+To read: ``prove.py``, the call and its door; ``solutions.py``, a result; the walk over what is held
+is :func:`cvxlimit.proof.checks.compared`. Extensions prove their formats by these: ``paths``,
+``studies``.
 """

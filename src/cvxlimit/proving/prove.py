@@ -144,7 +144,10 @@ def prove(
 
 def _prover_of(kind: Any) -> Prover:
     """What the core, an extension or another distribution proves a format by."""
-    found: Prover | None = Door("cvxlimit.proofs").get(kind) if isinstance(kind, str) else None
+    proofs, found = Door("cvxlimit.proofs"), None
+    if isinstance(kind, str):
+        proofs.check(kind, f"what proves {kind}")
+        found = proofs.get(kind)
     if found is None:
         raise InputError(
             "a result, a load domain, a path or the folder of a sweep can be proved, got format "

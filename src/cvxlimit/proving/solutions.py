@@ -7,8 +7,11 @@ By weak duality each of them bounds the load factor alpha without the other. In 
    in it is all that they can. One certificate recomputes both (:mod:`cvxlimit.proof.certificate`).
    It mixes x and u with a little of two reference states, which the solution holds where they are
    not found again by projections; they are checked as x and u are, so that false ones cannot help.
-3. *What follows* from these: the solution is packed anew, and what it says besides is held against
-   that (:mod:`cvxlimit.proving.derived`).
+   A bound is held against the one that was found anew, either way.
+3. *What follows* from these: the solution is packed anew, and each entry is held against that
+   (:func:`~cvxlimit.proof.checks.compared`). A status follows from the width of the bracket and
+   the tolerance that was asked for, which is part of the claim. What nothing finds, how an answer
+   was found for example, is named and claims nothing.
 
 A number that comes out otherwise is not proved, whoever changed it. Where no load factor exists, x
 shows that any multiple of the live load is carried, or u that the dead load falls. Methods with
@@ -17,7 +20,8 @@ bounds of their own add how these are proved, under ``cvxlimit.checks``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -32,23 +36,70 @@ from cvxlimit.io.results import result_from_dict
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Run, packed
-from cvxlimit.methods.wedging import without_limit
+from cvxlimit.methods.least_thrust import lower_bound, shown
+from cvxlimit.methods.settlement import guided
+from cvxlimit.methods.solving import TABLE
+from cvxlimit.methods.wedging import start_of, without_limit
+from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
-from cvxlimit.model.point_friction import ExactFlow
+from cvxlimit.model.point_friction import PointFriction, at_centroids
+from cvxlimit.model.statics import DOF
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, is_alike, proved
+from cvxlimit.proof.checks import (
+    RESIDUAL,
+    SLACK,
+    Check,
+    compared,
+    follows,
+    is_alike,
+    proved,
+    says,
+    unseen,
+)
+from cvxlimit.proof.flow import ExactFlow
 from cvxlimit.proof.strength import Strength
-from cvxlimit.proving.derived import bound_checks, derived_checks
 from cvxlimit.proving.prove import BOTH_CASES, Proof, Scenes, scene_of
 from cvxlimit.readings.moments import Moments
-from cvxlimit.reductions.choice import Reductions
+from cvxlimit.reductions.choice import PLANAR_FROM, Reductions
 from cvxlimit.scene import Scene
-from cvxlimit.solution import LOAD_FACTOR, LowerEnd, Solution, Status
-from cvxlimit.solution.bracket import TOLERANCE, Bracket, Reference
-from cvxlimit.solvers import LimitState, Outcome
-from cvxlimit.surfaces import Rocking, YieldSurface
-from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_named, surfaces_of
+from cvxlimit.solution import LOAD_FACTOR, Solution, Status
+from cvxlimit.solution.bracket import (
+    TOLERANCE,
+    Bracket,
+    Evidence,
+    Reference,
+    rounded_down,
+    rounded_up,
+)
+from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
+from cvxlimit.surfaces import Rocking
+from cvxlimit.surfaces.coulomb import PARABOLIC, needed_surfaces, surfaces_named, words_of
+
+EVIDENCE = {"forces", "mechanism", "internal", "reference", "lower_end", "beside"}
+"""What proves claims. Any that proves them will do."""
+
+RESTS_ON = {
+    Status.DEAD_LOAD_UNSTABLE: {"mechanism", "internal"},
+    Status.LIVE_LOAD_HARMLESS: {"forces", "lower_end", "internal", "beside"},
+    Status.UNBOUNDED: {"forces", "lower_end", "internal", "beside"},
+}
+"""The evidence that is needed where no load factor exists."""
+
+_OF_THE_SCENE = "contact_names", "units", "lumped"
+"""What files of earlier versions lack."""
+
+_FOUND = {
+    "surface", "interaction", "torsion_shear", "flow", "moments", "blocks", "contacts",
+    *_OF_THE_SCENE,
+}  # fmt: skip
+"""What follows from the scene and from the method; ``moments`` with interaction only."""
+
+_CLAIMED = {
+    "load_factor", "bracket", "status", "tolerance", "members", "quantity",
+    "scene_name", "scene_digest", "solved_scene", "surfaces",
+}  # fmt: skip
+"""Fields with claims of their own, or that say which scene and which surfaces are meant."""
 
 
 def prove_result(what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
@@ -77,27 +128,59 @@ def solution_checks(
     InputError
         If the solution does not belong to the scene, or surfaces or moments are not known.
     """
-    held, names = solution.of(scene), scene.contacts.names
+    said, names = solution, solution.of(scene).scene.contacts.names
     if solution.contact_names and tuple(solution.contact_names) != tuple(names):
         wrong = next(a for a, b in zip(solution.contact_names, names, strict=True) if a != b)
         raise InputError(
             f"the solution names contact {wrong!r}, but contacts of scene {scene.name!r} are "
             "others: it does not belong to this scene as it is detected here"
         )
-    if solution.quantity != LOAD_FACTOR:
-        return [Check(solution.quantity, False, "only load factors can be proved again")]
-    run = Run(held.scene, _surfaces(solution, surface), formulation=formulation)
-    again = ProvedAgain(held, run, moments)
-    return [*again.checks(), *derived_checks(solution, again.made())]
+    meant = surface_meant(solution, surface, solution.torsion_shear, solution.surfaces)
+    given: Scene | Assemblage = scene
+    if solution.quantity != LOAD_FACTOR and solution.status is not Status.DEAD_LOAD_UNSTABLE:
+        if (pushed := _pushed(solution, scene)) is None:
+            but = "neither a load factor nor a reaction with its mechanism and a state inside"
+            return [Check(solution.quantity, False, but)]
+        given, said = pushed
+    again = ProvedAgain(said, Run(given, meant, formulation=formulation), moments)
+    checks = [*again.checks(), *derived_checks(said, again.made())]
+    if said is not solution:
+        checks = [c if c.is_met and c.kind != "proved" else replace(c, claim=f"push, {c.claim}")
+                  for c in checks]  # fmt: skip
+        checks.append(unseen("mechanism", "along it the reaction is meant"))
+    return checks
 
 
-def _surfaces(solution: Solution, given: Any) -> Sequence[YieldSurface]:
-    """The surfaces given, or else those that the solution names, or else those that it holds."""
-    if given is not None:
-        return surfaces_of(given)[0]
-    is_exact, name = solution.torsion_shear == "exact", solution.surface
-    named = surfaces_of(name)[0] if is_exact else surfaces_named(name, solution.torsion_shear)
-    return known_or_asked(named or solution.surfaces, solution.scene_name, "surface", name)
+def _pushed(said: Solution, scene: Scene) -> tuple[Assemblage, Solution] | None:
+    """The limit problem behind the reaction R = R0 - s alpha of supports that move, and what is
+    said of alpha. How they move its mechanism has, by a unit, and R0 the state to which bounds
+    refer."""
+    (which, _, kind), (_, _, told) = (said.quantity.partition(x) for x in (" ", " of "))
+    sign, names = {"least": 1.0, "largest": -1.0}.get(which, 0.0), told.split(", ")
+    rates, state = said.mechanism or {}, (said.reference or Reference()).forces
+    moved = {name: sign * rates[name] for name in scene.supports if name in rates}
+    if said.load_factor is None or not sign or {*names} != {*moved}:
+        return None
+    if state is None or state.shape != (len(scene.contacts), DOF):
+        return None
+    shift, turn = np.split(moved[names[0]], 2)
+    is_moment = kind.startswith("moment of ")
+    size = np.linalg.norm(turn if is_moment else shift)
+    if abs(size - 1.0) > SLACK and (is_moment or not turn.any()):
+        return None
+    aside, possible = guided(scene, moved, sign, state)
+    bracket = (said.bracket.turned if sign > 0.0 else said.bracket).shifted(sign * possible)
+    factor = sign * (possible - said.load_factor)
+    return aside, replace(said, load_factor=factor, bracket=bracket)
+
+
+def surface_meant(said: Any, given: Any, torsion_shear: str = "linear", own: Any = ()) -> Any:
+    """The surfaces given, or else those that a solution or a domain names, or else its ``own``."""
+    name = PARABOLIC if torsion_shear == PARABOLIC else said.surface
+    named = surfaces_named(name)
+    found = named if named is None or name.endswith(")") else name
+    meant = found or own if given is None else given
+    return known_or_asked(meant, said.scene_name, "surface", said.surface)
 
 
 def known_or_asked(found: Any, scene: str, option: str, name: str) -> Any:
@@ -110,183 +193,201 @@ def known_or_asked(found: Any, scene: str, option: str, name: str) -> Any:
     return found
 
 
-def as_solved(solution: Solution, run: Run) -> tuple[FloatArray | None, FloatArray | None]:
-    """The forces (n, 6) of a solution and its rates (free blocks, 6), None if they are not of these
-    blocks: of the scene as it is solved, where mortar may have become a load."""
-    forces, rates = solution.forces, solution.mechanism
-    if forces is not None and run.mortar is not None:
-        forces = np.array(forces)
-        forces[:, COLUMN["N"]] += run.mortar.pull
-    ids = [run.scene.blocks[i].id for i in run.scene.free]
-    is_whole = rates is not None and set(ids) == set(rates)
-    return forces, np.array([rates[key] for key in ids]) if rates and is_whole else None
+def method_of(said: Solution) -> str:
+    """Name of the method that a solution is by."""
+    if said.flow != "associated":
+        return said.flow
+    if said.interaction != "none":
+        return said.interaction
+    return "exact" if said.torsion_shear == "exact" else "convex"
+
+
+def asked_checks(
+    said: Solution, surface: str = "", method: str = "", **asked: Any
+) -> Iterator[Check]:
+    """That a solution is of what was asked: its surface and method by name, and other fields."""
+    if method:
+        own, usual = TABLE[method], {"interaction": "none", "flow": "associated"}
+        asked = usual | ({own.axis: own.name} if own.axis else {}) | asked
+    asked = (words_of(surface) if surface else {}) | asked
+    return compared(asked, {name: getattr(said, name) for name in asked})
+
+
+def evidence_of(solution: Solution, run: Run) -> Evidence:
+    """What the bracket of a solution is proved by, of the scene as it is solved, where mortar may
+    have become a load; rates are None if they are not of its free blocks."""
+    ids, own = [run.scene.blocks[i].id for i in run.scene.free], solution.mechanism
+    rates = np.array([own[key] for key in ids]) if own and {*ids} == {*own} else None
+    forces = with_mortar(solution.forces, run)
+    return Evidence(solution.load_factor, forces, rates, solution.internal, solution.reference)
+
+
+def with_mortar(forces: FloatArray | None, run: Run) -> FloatArray | None:
+    """Forces (n, 6) of the scene as it is solved, from those of the scene as it was given."""
+    if forces is None or run.mortar is None:
+        return forces
+    forces = np.array(forces)
+    forces[:, COLUMN["N"]] += run.mortar.pull
+    return forces
 
 
 @dataclass(eq=False)
 class ProvedAgain:
-    """A solution, and the run that it would be of, without any solve for its answer.
-
-    ``forces`` (n, 6) and ``mechanism`` (free blocks, 6) are those held, of the scene as it is
-    solved; None where the solution has none.
-    """
+    """A solution, and the run that it would be of, without any solve for its answer."""
 
     solution: Solution
     run: Run
     moments: str | Moments | None = None
 
-    def __post_init__(self) -> None:
-        self.forces, self.mechanism = as_solved(self.solution, self.run)
-        self.is_finite = self.forces is not None and bool(np.isfinite(self.forces).all())
+    @cached_property
+    def by(self) -> Evidence:
+        """What it holds."""
+        return evidence_of(self.solution, self.run)
 
     @cached_property
     def certifier(self) -> Certifier:
         """Of the answer without interaction, as a solve makes it."""
         run, surfaces = self.run, needed_surfaces(self.run.surfaces)
-        whole = Reductions.of(run.assemblage, surfaces, run.formulation, run.model).assemblage
+        planar_from = 0 if "planar" in self.solution.model else PLANAR_FROM
+        found = Reductions.of(run.assemblage, surfaces, run.formulation, run.model, planar_from)
         width = self.solution.tolerance or TOLERANCE
-        return Certifier(whole, surfaces, run.formulation, width=width)
-
-    def made(self) -> Solution:
-        """The solution that the forces and the mechanism held make at its load factor."""
-        held, aside = self.solution, self.run.auxiliary_run()
-        internal = held.internal if self.certifier.strength.is_internal else None
-        aside.best = Answer(
-            held.load_factor, held.bracket, self.forces, self.mechanism, internal=internal
-        )
-        return packed(Convex(), aside, Status.CERTIFIED)
+        return Certifier(found.assemblage, surfaces, run.formulation, width=width)
 
     def checks(self) -> Iterator[Check]:
         """All claims that forces and mechanisms prove, by what kind of answer it is."""
-        solution = self.solution
-        is_associated = solution.flow == "associated"
-        name = solution.interaction if is_associated else solution.flow
-        if is_associated and solution.torsion_shear == "exact":
-            yield from self._exact()
-        elif name == "none":
-            yield from self._plain()
-        elif (checks := Door("cvxlimit.checks").get(name)) is not None:
+        name = method_of(self.solution)
+        own = {"convex": ProvedAgain._plain, "exact": ProvedAgain._exact}.get(name)
+        if checks := own or Door("cvxlimit.checks").get(name):
             yield from checks(self)
-        else:
+        elif name in TABLE:
             yield Check("load factor", False, f"method {name!r} gives no bounds that could be")
+        else:
+            yield Check(f"method {name!r}", False, f"it is none of {', '.join(TABLE)}")
+
+    def _plain(self) -> Iterator[Check]:
+        """Without interaction: what forces and mechanism prove, and those of the lower end."""
+        if not self.solution.status.has_answer:
+            yield from self.without_answer(self.falls, self.harmless)
+            yield from self.above_thrusts()  # nothing slides below
+        else:
+            yield from self.certified()
+        if self.solution.lower_end is not None:
+            for check in self._turned().certified():
+                yield replace(check, claim=f"lower end, live load turned round: {check.claim}")
+
+    def certified(self) -> Iterator[Check]:
+        """The load factor and both bounds, by one certificate."""
+        lacks = "; the file does not hold what its bounds refer to"
+        yield from self.held_checks()
+        yield from self.ends(self.bracket_by(self.by), lacks * (self.solution.reference is None))
+
+    def _turned(self) -> ProvedAgain:
+        """The lower end of an interval as a largest load factor, of the live load turned round."""
+        statics, end = self.run.assemblage.statics, self.solution.lower_end
+        assert end is not None
+        turned = replace(
+            self.solution, load_factor=-end.load_factor, bracket=end.bracket.turned,
+            forces=end.forces, mechanism=end.mechanism, internal=None,
+            reference=end.reference and end.reference.turned,
+        )  # fmt: skip
+        live = self.run.assemblage.under(statics.dead, -statics.live)
+        return ProvedAgain(turned, self.run.auxiliary_run(live))
 
     def _exact(self) -> Iterator[Check]:
         """The upper bound rests on a mechanism; the lower one on friction at points of contacts."""
         yield from self.held_checks()
-        flow = ExactFlow(self.run.contacts)
-        certifier = Certifier(self.run.assemblage, (Rocking(),), flow=flow)
-        for check in self.ends(certifier.certificate(None, None, self.mechanism)):
-            held = "the file holds what contacts transfer, and not friction at their points"
-            yield replace(check, found=held) if check.claim.startswith("lower") else check
+        whole, contacts, by = self.run.assemblage, self.run.contacts, self.by
+        outside = Certifier(whole, (Rocking(),), flow=ExactFlow(contacts))
+        found: Bracket = outside.certificate(None, None, by.rates)
+        points = self.solution.beside.get("points")
+        if points is not None and points.cells is not None and len(points.cells) == len(contacts):
+            at_points = PointFriction(at_centroids, points.cells)
+            inside = Certifier(whole, (Rocking(),), at_points)
+            below = self.bracket_by(replace(points, forces=by.forces), inside)
+            found = found.raised(below.lower, below.lower_is_proved)
+        yield from self.ends(found)
 
-    # Without interaction
+    def bracket_by(self, by: Evidence, certifier: Certifier | None = None) -> Bracket:
+        """What evidence proves without interaction; nothing if it is of other blocks. A bound
+        depends a little on the states that it refers to, and on the load factor for which forces
+        are put into balance, by some thousand times a change of it where a state has little to
+        spare: those that are held are taken if they are what they should be. Internal forces are,
+        if they add up to what contacts transfer."""
+        own, given = certifier or self.certifier, by.reference or Reference(by.load_factor)
+        with suppress(ModelError):  # of other blocks
+            strength = own.strength
+            x = strength.state(by.internal if strength.is_internal else by.forces)
+            if strength.is_internal and x is not None and by.forces is not None:
+                off = np.abs(strength.forces(x) - by.forces).max()
+                x = x if off <= SLACK * np.abs(by.forces).max() else None
+            if own.refer_to(given, self.solution.lower_end is not None):
+                return own.certificate(x, given.load_factor, by.rates)
+        return Bracket()
 
-    def _plain(self) -> Iterator[Check]:
-        end = self.solution.lower_end
+    # Where no load factor exists
+
+    def without_answer(
+        self, falls: Callable[[], Check], harmless: Callable[[], Check]
+    ) -> Iterator[Check]:
+        """The check of a fall, or of a live load of which any multiple is carried."""
         if self.solution.status is Status.DEAD_LOAD_UNSTABLE:
-            yield self.falls()
+            yield falls()
         elif self.solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
-            yield without_limit(self._harmless(), self.run, self.solution)
-            # nothing slides below it
-            if (above_thrusts := Door("cvxlimit.readings").get("above_thrusts")) is not None:
-                yield from above_thrusts(self, self.run.auxiliary_run())
-        else:
-            yield from self._certified()
-        if end is not None:
-            for check in self._turned(end)._certified():
-                yield replace(check, claim=f"lower end, live load turned round: {check.claim}")
-
-    def _turned(self, end: LowerEnd) -> ProvedAgain:
-        """The lower end of an interval as a largest load factor, of the live load turned round."""
-        statics, held = self.run.assemblage.statics, end.bracket
-        proofs = held.upper_is_proved, held.lower_is_proved
-        turned = replace(
-            self.solution,
-            load_factor=-end.load_factor,
-            forces=end.forces,
-            internal=None,
-            bracket=Bracket(-held.upper, -held.lower, *proofs, held.least),
-            mechanism=end.mechanism,
-            reference=None if end.reference is None else end.reference.turned,
-        )
-        live = self.run.assemblage.under(statics.dead, -statics.live)
-        return ProvedAgain(turned, self.run.auxiliary_run(live))
-
-    def _certified(self) -> Iterator[Check]:
-        """The load factor and both bounds, by one certificate. A bound depends a little on the
-        states that it refers to, and on the load factor for which forces are put into balance, by
-        some thousand times a change of it where a state has little to spare: those that are held
-        are taken if they are what they should be."""
-        yield from self.held_checks()
-        held, lacks = self.solution, "; the file does not hold what its bounds refer to"
-        given = held.reference or Reference(held.load_factor)
-        try:
-            is_taken = self.certifier.refer_to(given, held.lower_end is not None)
-        except ModelError:  # of another shape
-            is_taken = False
-        if not is_taken:
-            yield Check("states that bounds refer to", False, "they are none of this scene")
-            return
-        state = self.state_of(given.load_factor, self._internal())
-        for check in self.ends(self.certifier.of(state)):
-            is_old = held.reference is None and not check.is_met
-            yield replace(check, found=check.found + lacks) if is_old else check
-
-    def state_of(self, factor: float | None, internal: FloatArray | None) -> LimitState:
-        """What is held as if a solver had given it."""
-        given = Outcome("given", 0.0, 0.0)
-        return LimitState(given, factor, self.forces, self.mechanism, internal)
-
-    def _internal(self) -> FloatArray | None:
-        """The internal forces held, if they add up to what contacts transfer."""
-        internal, strength = self.solution.internal, self.certifier.strength
-        if not strength.is_internal or internal is None or self.forces is None:
-            return None
-        if len(internal) != strength.model.resultant_map.shape[1]:
-            return None
-        off = np.abs(strength.forces(internal) - self.forces).max()
-        return internal if off <= SLACK * np.abs(self.forces).max() else None
+            yield without_limit(harmless(), self.run, self.solution)
 
     def falls(self) -> Check:
         """Rates on which the dead load does more work than contacts can take up."""
-        claim, dead = "the dead load cannot stand", self.run.assemblage.statics.dead
-        if self.mechanism is None:
-            return Check(claim, False, "there is no mechanism that shows it")
-        whole = self.certifier
-        certifier = Certifier(whole.assemblage.alone(dead), whole.surfaces, self.run.formulation)
+        whole, dead = self.certifier, self.run.assemblage.statics.dead
+        alone = Certifier(whole.assemblage.alone(dead), whole.surfaces, self.run.formulation)
         # a share of the dead load below what is all of it, or below half where it is all or nothing
-        enough = 0.5 if certifier.strength.is_cone else 1.0 - RESIDUAL
-        upper = certifier.certificate(None, None, self.mechanism).upper
-        return Check(claim, upper < enough, "by the mechanism")
+        enough = 0.5 if alone.strength.is_cone else 1.0 - RESIDUAL
+        upper = alone.certificate(None, None, self.by.rates).upper
+        said = f"the mechanism shows {upper:.3g} of it"
+        return proved("the dead load cannot stand", upper < enough, said, "by the mechanism")
 
-    def _harmless(self) -> Check:
+    def harmless(self, strength: Any = None, *within: Any) -> Check:
         """Forces that carry the live load alone, and any multiple of themselves, as they stand."""
-        claim, live = "the live load does no harm", self.run.assemblage.statics.live
-        if self.forces is None:
-            return Check(claim, False, "there are no forces that show it")
+        live, forces, is_met = self.run.assemblage.statics.live, self.by.forces, False
+        whole = self.run.assemblage if strength else self.certifier.assemblage
         surfaces, formulation = self.certifier.strength.recession()
-        loaded = self.certifier.assemblage.under(live, live)
-        strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
-        if strength_of(loaded).is_internal:
-            return Check(claim, False, "the file holds what contacts transfer, and not the "
-                         "pressures on them that show it")  # fmt: skip
-        is_carried = self.carries_live(self.forces)
-        is_carried &= carried_exactly(loaded, strength_of, self.forces) is not None
-        return proved(claim, is_carried, "the forces do not carry it alone",
-                      "forces carry it alone")  # fmt: skip
+        strength = strength or partial(Strength, surfaces=surfaces, formulation=formulation)
+        if forces is not None and self._left(live, forces) <= RESIDUAL / self.run.scaling.ratio:
+            # the file holds what contacts transfer, and not internal forces that show it
+            loaded = whole.under(live, live)
+            is_met = not strength(loaded).is_internal
+            is_met = is_met and carried_exactly(loaded, strength, forces, *within) is not None
+        but, by = "the forces do not carry it alone", "forces carry it alone"
+        return proved("the live load does no harm", is_met, but, by)
 
-    def carries_live(self, forces: FloatArray) -> bool:
-        """True if forces as they stand are in equilibrium with the live load alone."""
-        live, scaling = self.run.assemblage.statics.live, self.run.scaling
-        return self._left(live, forces) <= RESIDUAL * scaling.force / scaling.ratio
-
-    def _left(self, load: FloatArray, forces: FloatArray) -> float:
-        """The largest force out of balance under a load, and moment over the scene's length."""
-        statics = self.run.assemblage.statics
-        left = np.abs(statics.under(load, load).residual(forces, 0.0))
-        left[:, 3:] /= self.run.scaling.length
-        return float(left.max())
+    def above_thrusts(self) -> Iterator[Check]:
+        """Below which load factor nothing slides without dilatancy; where any multiple is carried
+        with it, the solution that slides. Files of earlier versions hold no evidence of these: the
+        bound is sought anew."""
+        held, beside, run = self.solution.bracket, self.solution.beside, self.run.auxiliary_run()
+        if np.isfinite(held.lower):
+            by = {name: each for name, each in beside.items()
+                  if each.until is not None or each.contacts is not None}  # fmt: skip
+            lower, slack, anew = -np.inf, SLACK if by else RESIDUAL, "" if by else ", found anew,"
+            with suppress(ModelError):  # evidence of other blocks
+                start = start_of(run, self.solution.lower_end)
+                bound = shown(run, by, start) if by else lower_bound(run, held.lower).load_factor
+                lower = bound if held.lower_is_proved else lower
+            is_met = abs(lower - held.lower) <= slack * max(self.unit, abs(held.lower))
+            said = f"least thrusts{anew} show {rounded_down(lower, 9)}"
+            yield proved(f"lower bound {rounded_down(held.lower, 9)}", is_met, said, said)
+        if (slides := beside.get("slides")) is not None:
+            checks = Door("cvxlimit.checks").get("slides")
+            lost = unseen("dilatancy", "what proves the solution that slides is not here")
+            yield from checks(self, slides) if checks is not None else [lost]
 
     # What all have
+
+    def _left(self, load: FloatArray, forces: FloatArray) -> float:
+        """The largest force out of balance under a load, and moment over the scene's length, over
+        the total load."""
+        left = np.abs(self.run.assemblage.statics.under(load, load).residual(forces, 0.0))
+        left[:, 3:] /= self.run.scaling.length
+        return float(left.max()) / self.run.scaling.force
 
     @property
     def unit(self) -> float:
@@ -298,33 +399,165 @@ class ProvedAgain:
         """What counts as the same load factor."""
         return SLACK * max(self.unit, abs(self.solution.load_factor or 0.0))
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether there are forces, all of them numbers."""
+        return self.by.forces is not None and bool(np.isfinite(self.by.forces).all())
+
     def held_checks(self) -> Iterator[Check]:
         """That forces carry what they are said to, and that the mechanism is of live power 1."""
-        solution, statics, scaling = self.solution, self.run.assemblage.statics, self.run.scaling
-        bracket, factor, live = solution.bracket, solution.load_factor, statics.live
-        claim = f"load factor {factor or 0.0:.9g}"
-        if factor is not None and (self.forces is None or not self.is_finite):
-            yield Check(claim, False, "there are no forces that carry it")
-        elif factor is not None and self.forces is not None:
-            # the load factor that they carry most nearly, and what they leave of the one claimed
-            rest = statics.residual(self.forces, 0.0).ravel()
-            carried = -float(rest @ live) / float(live @ live)
-            left = self._left(statics.dead + factor * live, self.forces)
-            left /= scaling.force * (1.0 + abs(factor) / scaling.ratio)
-            is_other = abs(carried - factor) > max(self.near, 10.0 * RESIDUAL * abs(factor))
-            but = f"residual {left:.1e} of the total load"
-            but = f"the forces carry {carried:.9g}" if is_other else but
-            yield proved(claim, not is_other and left <= RESIDUAL, but, "the forces carry it")
-            if bracket.clipped(factor) != factor:
-                yield Check(claim, False, f"it is outside of its bracket {bracket}")
+        statics, scaling, by = self.run.assemblage.statics, self.run.scaling, self.by
+        bracket, factor, live = self.solution.bracket, by.load_factor, statics.live
+        if factor is not None:
+            carried = left = np.nan
+            if self.is_finite and by.forces is not None:
+                # the load factor that they carry most nearly, and what they leave of the one said
+                rest = statics.residual(by.forces, 0.0).ravel()
+                carried = -float(rest @ live) / float(live @ live)
+                left = self._left(statics.dead + factor * live, by.forces)
+                left /= 1.0 + abs(factor) / scaling.ratio
+            is_it = abs(carried - factor) <= max(self.near, 10.0 * RESIDUAL * abs(factor))
+            is_met = is_it and left <= RESIDUAL and bracket.clipped(factor) == factor
+            but = f"the forces carry {carried:.9g} but for {left:.1e} of the total load"
+            but = but if is_it else f"{but}; its bracket is {bracket}"
+            yield proved(f"load factor {factor:.9g}", is_met, but, "the forces carry it")
         if bracket.least and not is_alike(bracket.least, own := scaling.least):
-            claim = f"least size {bracket.least:.7g} of the bracket"
-            yield Check(claim, False, f"it is {own:.7g}")
-        if self.mechanism is not None and solution.status.has_answer:
-            power = float(live @ self.mechanism.ravel())
+            yield Check(f"least size {bracket.least:.7g} of the bracket", False, f"it is {own:.7g}")
+        if by.rates is not None and self.solution.status.has_answer:
+            power = float(live @ by.rates.ravel())
             if abs(power - 1.0) > 10.0 * RESIDUAL:
                 yield Check("mechanism", False, f"its live power is {power:.7g} in place of 1")
 
-    def ends(self, found: Bracket) -> Iterator[Check]:
+    def ends(self, found: Bracket, lacks: str = "") -> Iterator[Check]:
         """Compares both bounds with those found."""
-        return bound_checks(self.solution, found, self.unit)
+        return bound_checks(self.solution, found, self.unit, lacks)
+
+    def made(self) -> Solution:
+        """The solution that the forces and the mechanism held make at its load factor."""
+        held, aside, by = self.solution, self.run.auxiliary_run(), self.by
+        status, known = Status.CERTIFIED, None
+        if not held.status.has_answer:
+            status, known = held.status, self._without_limit()
+        aside.best = Answer(by.load_factor, held.bracket, by.forces, by.rates, dilatancy=known)
+        return packed((TABLE.get(method_of(held)) or Convex)(), aside, status)
+
+    def _without_limit(self) -> Dilatancy | None:
+        """What is known without dilatancy where any multiple is carried with it: that nothing
+        slides below the lower bound, and what slides where, if the solution that does is held."""
+        held, run = self.solution, self.run
+        slides = held.beside.get("slides")
+        if held.status is not Status.UNBOUNDED or (held.dilatancy is None and slides is None):
+            return None
+        known = held.dilatancy or Dilatancy(np.inf)
+        joints, at = (known.sliding, known.moving), known.slides_at
+        rates = None if slides is None else slides.rates
+        if slides is not None and rates is not None and len(rates) == len(run.scene.free):
+            relative = run.assemblage.statics.relative_rates(rates)
+            joints, at = sliding_joints(run.scene, relative, rates), slides.load_factor
+        safe = max(0.0, held.lower) if method_of(held) == "convex" else 0.0
+        return Dilatancy(np.inf, *joints, safe, at)
+
+
+# What a solution says, against the one that is found
+
+
+def bound_checks(said: Solution, found: Bracket, unit: float, lacks: str = "") -> Iterator[Check]:
+    """Both bounds against those found; load factors near zero are compared by a ``unit``."""
+    is_told = said.bracket.least > 0.0  # files of earlier versions do not say what bounds rest on
+    for end, by, rounding in ("lower", "forces", rounded_down), ("upper", "mechanism", rounded_up):
+        names, both = (end, f"{end}_is_proved"), (said.bracket, found)
+        (value, holds), (at, is_proved) = ([getattr(x, name) for name in names] for x in both)
+        if not np.isfinite(value):
+            if said.status.is_good:
+                yield Check(f"{end} bound", False, f"{said.status} without it")
+            continue
+        is_met = abs(at - value) <= SLACK * max(abs(value), unit)
+        is_met = is_met and (holds == is_proved or not is_told)
+        assumed = "" if is_proved else ", under the assumption of the note"
+        but = f"by the {by} it is {rounding(at, 9)}{assumed}{lacks}"
+        but += rests_on_a_tree(said) if end == "upper" else ""
+        yield proved(f"{end} bound {rounding(value, 9)}", is_met, but, f"by the {by}{assumed}")
+
+
+def rests_on_a_tree(said: Solution) -> str:
+    """What is added where an upper bound is not that of the mechanism, in words."""
+    is_so = "branch and bound" in said.note
+    return "; it rests on branch and bound, whose tree no file holds" * is_so
+
+
+def derived_checks(said: Solution, found: Solution) -> Iterator[Check]:
+    """Every claim of a solution beside its proved numbers, against the one that is ``found``: made
+    anew of the scene, and of the forces and the mechanism held."""
+    yield status_check(said)
+    own, anew = said.dilatancy, {name: getattr(found, name) for name in _FOUND}
+    anew["dilatancy"] = _as_near(own, found.dilatancy)
+    # what files of earlier versions lack, and what means nothing or rests on nothing there
+    lost = [name for name in _OF_THE_SCENE if says(anew[name]) and not says(getattr(said, name))]
+    told, named = EVIDENCE | _CLAIMED | {*lost}, dict.fromkeys(lost, "the file has none")
+    if not said.scene_digest and said.solved_scene is None:
+        named["scene_digest"] = "the file has none"
+    if said.scene_name != found.scene_name:
+        named["scene"] = f"of that name, {said.scene_name!r}"
+    if said.interaction == "none":
+        told.add("moments")
+        named |= {"moments": ""} if said.moments != found.moments else {}
+    if not said.status.has_answer:  # there is one bound at most, and evidence of no other claim
+        anew["bracket"], told = found.bracket, told - {"bracket"}
+        idle = (EVIDENCE | {"members"}) - RESTS_ON.get(said.status, EVIDENCE)
+        named |= {name: "nothing rests on it" for name in idle if says(getattr(said, name))}
+        if said.tolerance is not None and said.lower_end is None:
+            named["tolerance"] = ""
+        if own is not None and own.slides_at is not None and "slides" not in said.beside:
+            named["dilatancy"] = "the file does not hold the solution that slides"
+    elif own is not None and not (said.status.is_good or said.bracket.has_any):
+        told, named = told | {"dilatancy"}, named | {"dilatancy": ""}
+    yield from compared(said, anew, told)
+    yield from (unseen(name, why) for name, why in sorted(named.items()))
+
+
+def status_check(said: Solution) -> Check:
+    """Whether a status follows from the method, the bracket and the tolerance asked for."""
+    status, asked, end = said.status, _asked(said), said.lower_end
+    claim, told = f"status {str(status)!r}", f"{asked:g} asked for"
+    # No load factor: what proves that is a claim of its own.
+    if not status.has_answer:
+        is_met = said.load_factor is None and not said.upper < np.inf
+        is_met &= end is None or end.bracket.is_within(asked)
+        return follows(claim, is_met, "with a load factor or an open end beside")
+    if status is Status.CONTRADICTED:
+        return follows(claim, not said.bracket.has_any, "with a bound beside")
+    # Otherwise it tells whether what was asked for has been reached.
+    brackets = [said.bracket] if end is None else [said.bracket, end.bracket]
+    is_reached = all(bracket.is_within(asked) for bracket in brackets)
+    expected = Status.CERTIFIED if is_reached else Status.NOT_CERTIFIED
+    if said.flow == "zero-dilatancy":
+        worst = max((member.residual for member in said.members), default=np.inf)
+        told, is_reached = f"largest residual {worst:.1e}, {told}", worst <= asked
+        expected = Status.CONVERGED if is_reached else Status.NOT_CONVERGED
+    elif said.flow != "associated" or said.interaction == "fixed-point":
+        return unseen(claim, "an iteration's own")
+    # How a run was cut short is told by no number; that it found less than was asked for is.
+    if status is Status.INTERRUPTED and (not is_reached or said.members):
+        return unseen(claim, told)
+    if said.load_factor is None and not said.bracket.has_any and status is not expected:
+        expected = Status.SOLVER_FAILED
+    is_met = status is expected
+    if status is Status.NOT_CERTIFIED and (said.tolerance is None or not said.is_proved):
+        is_met = said.flow == "associated"
+    return follows(claim, is_met, f"{told}: {str(expected)!r}", told)
+
+
+def _asked(said: Solution) -> float:
+    """The tolerance asked for; that of the method where none was."""
+    method = TABLE.get(method_of(said))
+    usual: Any = method and (method.usual or getattr(method, "tolerance", None))
+    return said.tolerance or usual or TOLERANCE
+
+
+def _as_near(own: Dilatancy | None, found: Dilatancy | None) -> Dilatancy | None:
+    """The share of dilatancy that is found, with the number that is held if it is near; none where
+    none is held and it is too little to be told."""
+    if own is None or found is None:
+        return found if found is not None and (found.is_worth_a_word or found.is_all) else None
+    off = 0.0 if own.share == found.share else abs(own.share - found.share)
+    return replace(found, share=own.share) if off <= SLACK * max(1.0, abs(own.share)) else found

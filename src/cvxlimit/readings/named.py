@@ -30,12 +30,11 @@ class Paper(TiedMoments):
     """abs(MT + s1 abs(e2) V1 + s2 abs(e1) V2) with tied signs, and Eq. 27 beside it.
 
     Eq. 30 as the paper prints it carries the superscript "tsb,1,2": two functions, like Eq. 24 and
-    27, so that its signs change together, with absolute eccentricities. Its iteration then meets
-    the paper's last column. It is not indifferent to the frame: a contact's axes turned by 180
-    degrees about its normal change the signs of V1 and V2 but not of MT. ``signs`` = (s1, s2) says
-    which of the four choices is meant, for all contacts alike; which one the paper's authors made
-    is not known, and none is right. Independent signs contain all of them and are the safe reading;
-    signed moments are statics.
+    27, so that its signs change together, with absolute eccentricities. It is not indifferent to
+    the frame: a contact's axes turned by 180 degrees about its normal change the signs of V1 and V2
+    but not of MT. ``signs`` = (s1, s2) says which of the four choices is meant, for all contacts
+    alike; which one the paper's authors made is not known, and none is right. Independent signs
+    contain all of them and are the safe reading; signed moments are statics.
 
     Every state that is admissible with independent signs is so here, for any signs:
     abs(MT) + abs(e2 V1) + abs(e1 V2) <= c (mu N - abs(V)) implies both conditions.

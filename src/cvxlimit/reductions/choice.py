@@ -32,6 +32,13 @@ ModelName = Literal["auto", "full", "least"]
 MODELS: tuple[str, ...] = get_args(ModelName)
 """How much model: what the scene needs where that pays, all of it, or as little as is valid."""
 
+PLANAR_FROM = 330
+"""Contacts from which one convex problem is solved sooner in the plane of a planar scene, for what
+finding it costs: its 1,000 variables are enough for the blockwise solver then. In space, walls,
+arches and piles of 20 to 300 contacts took 0.7 to 1.2 times as long as in the plane, and of 370
+to 5,000 1.1 to 3.9 times (docs/evidence/models.md). Methods that solve many problems gain at any
+size, and look for it always."""
+
 _LEAST_MIRRORED = 150
 """Contacts from which one half of a symmetric scene pays, for what finding it costs."""
 
@@ -57,11 +64,13 @@ class Reductions:
         surfaces: Sequence[YieldSurface],
         formulation: Formulation = corner_compressions,
         model: str = "auto",
+        planar_from: int = 0,
     ) -> Reductions:
         """Returns the reductions that are valid and pay, or all that are valid for
-        ``model="least"``. There are none for ``"full"``, for formulations of one's own, for
-        contacts that crush and are no rectangles, whose conditions are on forces of their own, and
-        for guided blocks, which need not move in the plane or like their mirror image.
+        ``model="least"``; a plane pays from so many contacts on as ``planar_from`` says. There are
+        none for ``"full"``, for formulations of one's own, for contacts that crush and are no
+        rectangles, whose conditions are on forces of their own, and for guided blocks, which need
+        not move in the plane or like their mirror image.
         """
         contacts, is_guided = assemblage.contacts, assemblage.statics.guide is not None
         if model == "full" or formulation is not corner_compressions or is_guided:
@@ -74,10 +83,15 @@ class Reductions:
         for vectors in (statics.contacts.axes[:, 2], dead, live):
             spread += vectors.T @ vectors / (vectors**2).max(initial=1e-300)
         least, _, most = np.linalg.eigvalsh(spread)
-        plane = find_plane(statics, surfaces) if least <= ROUNDING * most else None
-        # a mirror costs time to find
+        plane, is_flat = None, bool(least <= ROUNDING * most)
+        is_small = model != "least" and len(statics.contacts) < planar_from
+        if is_flat and not is_small:
+            plane = find_plane(statics, surfaces)
+        # a mirror costs time to find, and of a flat scene its own plane is one
         mirror = None
-        if model == "least" or len(statics.contacts) >= _LEAST_MIRRORED:
+        if model == "least" or (
+            len(statics.contacts) >= _LEAST_MIRRORED and not (is_flat and is_small)
+        ):
             mirror = find_mirror(statics, surfaces, None if plane is None else plane.normal)
         # forces of a planar scene are balanced within its plane
         if plane is not None:
@@ -125,6 +139,7 @@ class Reductions:
             full,
             names=names,
             contacts=full.contacts if is_whole else full.contacts.take(np.flatnonzero(kept)),
+            kept=np.flatnonzero(kept),
             forces=None if is_whole else _forces(mirror, kept),
             rates=rates,
             formulation=self.formulation if plane is None else InPlane(plane.taking(kept)),

@@ -37,10 +37,10 @@ from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.facing import Reach, patches
 from cvxlimit.geometry.mesh import volume_and_centroid
 from cvxlimit.model.crushing import EffectiveRectangles
-from cvxlimit.model.flow import FlowRule, StrengthRows, corner_openings
 from cvxlimit.model.formulations import corner_compressions, model_of
 from cvxlimit.model.mortar import without_tension
 from cvxlimit.model.statics import Statics
+from cvxlimit.proof.flow import ConditionRows, FlowRule, corner_openings
 from cvxlimit.results.corners import Follows, Shapes, followed, volume_slopes
 from cvxlimit.results.movement import block_rates
 from cvxlimit.results.uniqueness import others
@@ -164,8 +164,8 @@ class Proof:
         parts = [np.einsum("nik,nk->ni", contacts.axes, part) for part in self.moving(contacts)]
         result = -(forces * np.concatenate(parts, axis=1)).sum(axis=1)
         # The second: multipliers times the excess of each condition.
-        strength = StrengthRows(self.surfaces, model)
-        (excess,) = strength.excess(self.internal)
+        strength = ConditionRows(self.surfaces, model)
+        excess = strength.excess(self.internal)
         np.subtract.at(result, strength.resistance.contact, self.multipliers * excess)
         return result
 
@@ -173,7 +173,7 @@ class Proof:
         """Returns whether there are other mechanisms, and a proof with slightly different forces
         that comply with this mechanism, the same ones if they are unique."""
         contacts = without_tension(self.scene.contacts)[0]
-        strength = StrengthRows(self.surfaces, model_of(corner_compressions, contacts))
+        strength = ConditionRows(self.surfaces, model_of(corner_compressions, contacts))
         rates = relative_rates(self.scene, self.rates)
         matrix = Statics.of(self.scene).matrix
         several, change = others(matrix, strength, self.internal, rates, self.multipliers)

@@ -156,8 +156,8 @@ class Sensitivity:
         count = sum(int(flags.sum()) for flags in self.one_sided.values())
         if count:
             return (
-                f"{basis}; {count} slopes differ upwards and downwards, as the forces are not "
-                "unique: what is said of one joint lies between the two"
+                f"{basis}; {count} of them differ for an increase and a decrease, since "
+                "equilibrium can shift forces between joints: the effect of one joint lies between"
             )
         return basis
 

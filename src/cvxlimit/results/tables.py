@@ -11,7 +11,10 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import check_known
 from cvxlimit.base.extras import needed
+from cvxlimit.errors import InputError
 from cvxlimit.geometry.contacts import COMPONENTS, pressure_centres
+from cvxlimit.problem.interfaces import gains_by_contact
+from cvxlimit.problem.problem import LimitProblem
 from cvxlimit.results.derivatives import JOINTS
 from cvxlimit.results.movement import motion
 from cvxlimit.results.sensitivity import Sensitivity
@@ -33,6 +36,8 @@ def table_of(solution: Solution, what: str) -> DataFrame:
     pandas = needed("pandas", "frames", "tables")
     if what == "history":
         return _history(solution, pandas)
+    if what == "steps":
+        return _steps(solution, pandas)
     if solution.solved_scene is None and (solution.contact_names or what == "blocks"):
         index, columns = _read(solution, what)
     else:
@@ -64,6 +69,28 @@ def sensitivity_table(found: Sensitivity, what: str) -> DataFrame:
     index, columns = made[what](found, found.solution.scene)
     name = {"vertices": "block"}.get(what, what.removesuffix("s"))
     return table_from(pandas, index, columns, name, {**_facts(found.solution), "note": found.note})
+
+
+def problem_table(problem: LimitProblem) -> DataFrame:
+    """See :meth:`cvxlimit.LimitProblem.to_dataframe`."""
+    pandas, stated = needed("pandas", "frames", "tables"), problem._stated
+    contacts, units = stated.assemblage.contacts, stated.assemblage.scene.units
+    values = [getattr(problem, name).value for name in COMPONENTS]
+    none = np.full(len(contacts), np.nan)
+    forces = np.stack([none if each is None else each for each in values], axis=1)
+    a, b = zip(*stated.pairs, strict=True)
+    columns: Columns = {
+        "a": (a, "", "block out of which the normal points"),
+        "b": (b, "", "block into which it points, and on which the forces act"),
+    }
+    columns |= _forces(forces, len(contacts), units)
+    what = "the load factor" if stated.aim is None else "the aim"
+    per = f"1/{units.force}" if stated.aim is None else ""
+    for label, gain in gains_by_contact(stated.parts(), len(contacts)).items():
+        text = f"what {what} gains per unit of force by which the contact resists more: {label}"
+        columns[f"gain_{label}"] = gain, per, text
+    facts = {"scene": stated.assemblage.scene.name, "status": problem.status}
+    return table_from(pandas, contacts.names, columns, "contact", facts)
 
 
 _SIDES = "slopes upwards and downwards differ, and these are between them: see both_sides"
@@ -252,6 +279,31 @@ def _history(solution: Solution, pandas: Any) -> DataFrame:
     return table
 
 
+def _steps(solution: Solution, pandas: Any) -> DataFrame:
+    """States from rest to the end; their forces are in :attr:`Solution.steps`."""
+    if not solution.steps:
+        raise InputError(
+            f"there are no steps in {solution!r}: solve(scene, method='incremental') makes some"
+        )
+    columns: Columns = {
+        name: (np.array([getattr(step, name) for step in solution.steps]), "", text)
+        for name, text in _OF_A_STEP.items()
+    }
+    index = range(len(solution.steps))
+    return table_from(pandas, index, columns, "step", _facts(solution))
+
+
+_OF_A_STEP = {
+    "displacement": "of the live load since rest, over the elastic one at the load factor reached",
+    "load_factor": "multiple of the live load that is carried",
+    "sliding": "joints that slide at some point",
+    "open": "joints that are open at some point",
+    "equilibrium": "largest force that a block lacks, over those that act on it",
+    "yield_excess": "largest shear beyond friction, over the total of compressions",
+    "against": "power of friction that slips have not gone against, over what they have",
+}
+
+
 def _facts(solution: Solution) -> dict[str, Any]:
     names = ("surface", "load_factor", "lower", "upper", "interaction", "moments")
     band = {} if solution.iteration is None else {"iteration": asdict(solution.iteration)}
@@ -265,4 +317,5 @@ _TABLES: dict[str, Callable[[Solution, Scene], tuple[list[str], Columns]]] = {
     "contacts": _contacts,
     "blocks": _blocks,
     "history": lambda solution, scene: ([], {}),
+    "steps": lambda solution, scene: ([], {}),
 }

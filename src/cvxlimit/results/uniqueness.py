@@ -15,8 +15,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.model.flow import StrengthRows
 from cvxlimit.model.statics import DOF
+from cvxlimit.proof.flow import ConditionRows
 from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.surfaces.cones import Cone
 
@@ -33,7 +33,7 @@ _DENSE = 1500
 
 
 def others(
-    equilibrium: sp.csr_array, strength: StrengthRows, internal: FloatArray, rates: FloatArray,
+    equilibrium: sp.csr_array, strength: ConditionRows, internal: FloatArray, rates: FloatArray,
     multipliers: FloatArray,
 ) -> tuple[bool, FloatArray]:  # fmt: skip
     """Returns whether there are other mechanisms of the same load factor, and a change (p,) of
@@ -75,7 +75,7 @@ def others(
 
 
 def _across(
-    strength: StrengthRows, internal: FloatArray, rates: FloatArray, multipliers: FloatArray,
+    strength: ConditionRows, internal: FloatArray, rates: FloatArray, multipliers: FloatArray,
     unit: FloatArray,
 ) -> tuple[sp.csr_array, sp.csr_array]:  # fmt: skip
     """Returns two projections (p, p) of internal forces, moments divided by a length.
@@ -108,14 +108,14 @@ def _across(
     # Conditions: the normals of those that are met, and of those that slip the normal itself and
     # the directions in which the surface is curved.
     values = strength.norms.matrix @ (internal * unit) + strength.norms.constant
-    (excess,), contact = strength.excess(internal * unit), strength.resistance.contact
-    for cone, where, groups in strength.conditions:
+    excess, contact = strength.excess(internal * unit), strength.resistance.contact
+    for cone, where, by_norm in strength.conditions:
         moves = multipliers[where] > TOLERANCE * speed
         for k in np.flatnonzero(moves | (excess[where] >= -TOLERANCE * size)).tolist():
             j = contact[where.start + k]
             gradients: list[FloatArray] = [-row(strength.resistance.matrix, where.start + k, j)]
-            for group in groups:
-                rows = [part.start + k for part in group]
+            for norm in by_norm:
+                rows = norm[:, k].tolist()
                 own = np.array([row(strength.norms.matrix, i, j) for i in rows])
                 ways, bends = _gradients(cone, values[rows], TOLERANCE * size)
                 gradients = [part + way @ own for part in gradients for way in ways]

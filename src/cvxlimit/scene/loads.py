@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray, IntArray, RemadeFromFields
 from cvxlimit.base.checks import meant, members, of_type
-from cvxlimit.base.doors import Door
 from cvxlimit.base.markup import html_table
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.blocks import Block
@@ -364,13 +363,6 @@ def combined(loads: Sequence[Load], factors: ArrayLike) -> Load:
         ]
     total_acceleration = tuple(acceleration) if acceleration.any() else None
     return Load(None, total_acceleration, force, points, pressures, times, growing)  # type: ignore[arg-type]
-
-
-def __getattr__(name: str) -> Any:
-    """Returns loads from surroundings by name: they need scenes, whose module imports this one."""
-    if name in (surroundings := Door("cvxlimit.loads")):
-        return surroundings[name]
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 _LISTED = {"points": PointForce, "pressures": Pressure, "growing": GrowingAcceleration}

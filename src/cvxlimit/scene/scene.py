@@ -316,13 +316,6 @@ class Scene(RemadeFromFields, SceneJoints):
         """
         return attached("scene_explain")(self, surface, **options)
 
-    def explore(self, **options: Any) -> Any:
-        """A load point to drag over the load domain, sliders, and the mechanism, in a notebook.
-
-        Parameters and errors are those of :func:`cvxlimit.studies.explore`.
-        """
-        return attached("scene_explore")(self, **options)
-
     def in_units(self, units: Units, length: float, force: float) -> Scene:
         """The scene in other units: lengths times ``length``, forces times ``force``.
 

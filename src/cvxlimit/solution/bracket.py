@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from cvxlimit.base.arrays import ROUNDING, FloatArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 
 TOLERANCE = 1e-5
 """Default width of the bracket, relative to its upper end; what is less of a load factor is not
@@ -63,6 +63,25 @@ class Bracket:
         if not upper < self.upper + proof:
             return self
         return replace(self, upper=float(upper), upper_is_proved=is_proved)
+
+    @property
+    def turned(self) -> Bracket:
+        """The bracket of the same factor with its sign turned.
+
+        >>> print(Bracket(0.25, 0.5).turned)
+        [-0.5, -0.25]
+        """
+        proofs = self.upper_is_proved, self.lower_is_proved
+        return Bracket(-self.upper, -self.lower, *proofs, self.least)
+
+    def shifted(self, by: float) -> Bracket:
+        """The bracket of a factor that is so much larger.
+
+        >>> print(Bracket(0.25, 0.5).shifted(1.0))
+        [1.25, 1.5]
+        """
+        proofs = self.lower_is_proved, self.upper_is_proved
+        return Bracket(self.lower + by, self.upper + by, *proofs, self.least)
 
     @property
     def has_both(self) -> bool:
@@ -206,6 +225,48 @@ class Reference:
     def turned(self) -> Reference:
         """The same of the live load turned round."""
         return replace(self, load_factor=None if self.load_factor is None else -self.load_factor)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What a bound is proved by: numbers that anybody can check on the scene, however they were
+    found. See :attr:`Solution.evidence <cvxlimit.solution.Solution.evidence>`.
+
+    With weights A, loads f and a load factor alpha, forces x with A x + f_dead + alpha f_live = 0
+    that no contact refuses prove that alpha is carried, and rates u with f_live . u = 1 that the
+    flow rule allows that no more is than what contacts take up in them, less f_dead . u.
+
+    Attributes
+    ----------
+    load_factor : float or None
+        Which the forces carry.
+    forces : (contacts, 6) array or None
+        V1, V2, N, M1, M2, MT on block b of each contact, user's units.
+    rates : (free blocks, 6) array or None
+        ux, uy, uz, rx, ry, rz at the centroids, scaled to live power 1.
+    internal : (p,) array or None
+        Internal forces, where strength is stated in these.
+    reference : Reference or None
+        A state inside (its ``forces``) and an opening field (its ``rates``): a little of them makes
+        up for what rounding leaves of forces and rates.
+    cells : (contacts,) array or None
+        Cells across each contact at whose centroids friction acts, where internal forces are those
+        of such points.
+    contacts : (k,) array or None
+        Whose least thrusts are proved by rates: ``rates`` (k times free blocks, 6) then.
+    until : float or None
+        Load factor up to which the friction of least thrusts excludes every solution without
+        dilatancy.
+    """
+
+    load_factor: float | None = None
+    forces: FloatArray | None = field(default=None, repr=False)
+    rates: FloatArray | None = field(default=None, repr=False)
+    internal: FloatArray | None = field(default=None, repr=False)
+    reference: Reference | None = field(default=None, repr=False)
+    cells: IntArray | None = field(default=None, repr=False)
+    contacts: IntArray | None = field(default=None, repr=False)
+    until: float | None = None
 
 
 def rounded(value: float, digits: int = 7, rounding: str = ROUND_HALF_EVEN) -> str:

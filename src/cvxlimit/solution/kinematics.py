@@ -129,7 +129,7 @@ class Dilatancy:
         Names of the contacts that slide or twist in the mechanism, where ``share`` is above
         :data:`~cvxlimit.base.arrays.SMALL`; else none.
     moving : int
-        Contacts that open, slide or twist.
+        Joints that open, slide or twist: neither ties nor reactions.
     safe : float
         Load factor below which nothing slides without dilatancy, proved; 0 where none is known.
     slides_at : float or None
@@ -236,10 +236,10 @@ def sliding_joints(
     scene: Scene, relative: FloatArray, rates: FloatArray
 ) -> tuple[tuple[str, ...], int]:
     """Names of the contacts that slide or twist at rates as in :func:`dilatancy_of`, and how many
-    move."""
+    move: of joints, not of ties and reactions."""
     every = np.zeros((len(scene.blocks), 6))
     every[scene.free] = rates
     visible = VISIBLE * float(corner_speeds(scene, every).max())
     kind, names = contact_motion(scene.contacts, relative, visible).kind, scene.contacts.names
     sliding = tuple(compress(names, kind >= ContactKind.SLIDES))
-    return sliding, int((kind != ContactKind.CLOSED).sum())
+    return sliding, int(((kind != ContactKind.CLOSED) & ~scene.contacts.is_point).sum())

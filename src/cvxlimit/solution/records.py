@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -20,20 +20,26 @@ class Status(StrEnum):
     CYCLING = "cycling"
     DIVERGED = "diverged"
     SOLVER_FAILED = "solver failed"
+    CONTRADICTED = "bounds contradict each other"
     DEAD_LOAD_UNSTABLE = "dead load cannot stand"
     LIVE_LOAD_HARMLESS = "live load does no harm"
     UNBOUNDED = "no limit with dilatancy"
+    REACHED = "reached from rest"
+    NOT_REACHED = "end not reached from rest"
+    ENDLESS = "no limit from rest"
     INTERRUPTED = "interrupted"
 
     @property
     def has_answer(self) -> bool:
         """False when no load factor exists at all."""
-        return self not in (Status.DEAD_LOAD_UNSTABLE, Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED)
+        return self not in (
+            Status.DEAD_LOAD_UNSTABLE, Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED, Status.ENDLESS
+        )  # fmt: skip
 
     @property
     def is_good(self) -> bool:
         """True when the answer keeps its promise: bracket closed, or iteration converged."""
-        return self in (Status.CERTIFIED, Status.CONVERGED)
+        return self in (Status.CERTIFIED, Status.CONVERGED, Status.REACHED)
 
     @property
     def advice(self) -> str:
@@ -65,6 +71,11 @@ _ADVICE = {
         "every solver failed, which says nothing about the structure: try other solvers "
         "(solver, ladder), or leave the choice to the package"
     ),
+    Status.CONTRADICTED: (
+        "the lower one lies above the upper one, so that an assumption behind them fails and "
+        "neither is used: try another surface or solver; with friction next to none, for example, "
+        "rounding decides"
+    ),
     Status.DEAD_LOAD_UNSTABLE: (
         "this was proved, and checked outside the solver: change the geometry, the supports, "
         "the friction or the dead load"
@@ -77,6 +88,15 @@ _ADVICE = {
         "forces that carry any multiple of the live load were found and checked, but joints may "
         "be pressed so hard only because they would open as they slide: this says nothing of "
         "friction without dilatancy, which method 'zero-dilatancy' (--method zero-dilatancy) has"
+    ),
+    Status.REACHED: "blocks on elastic joints were pushed to the end of their curve: no bound",
+    Status.NOT_REACHED: (
+        "the way from rest was lost, or still rose at its last step: the load factor is the most "
+        "that was carried on it; give more steps (steps, --steps), or another ratio"
+    ),
+    Status.ENDLESS: (
+        "joints jam: from rest, the load rose beyond any that could be meant, which proves nothing "
+        "of other states of forces: stone that crushes (compressive_strength) may set a limit"
     ),
     Status.INTERRUPTED: "the bracket is what was proved until then; let it run longer",
 }
@@ -164,6 +184,10 @@ means 5 times in a row
         return f"{self.band}; {self.stop}"
 
 
+RESIDUALS = ("equilibrium", "yield_excess", "flow", "complementarity")
+"""How well a solution without dilatancy keeps its conditions."""
+
+
 @dataclass(frozen=True, eq=False)
 class Member:
     """One of several solutions, where the answer is a set: friction without dilatancy.
@@ -181,6 +205,11 @@ class Member:
         Power of contact forces that friction does not account for, over the load factor's.
     forces : (contacts, 6) array, mechanism : (free blocks, 6) array
         User's units; live power 1.
+    angle : float or None
+        Between friction and slip, in radians, over all joints that slide: the cosine is the power
+        that friction does over what it would do against the slip. About so large a share of the
+        load factor is not known, where complementarity is but half the square of it. Zero where a
+        joint can slip to and fro only; None in files of version 0.2.0.
     """
 
     load_factor: float
@@ -192,11 +221,23 @@ class Member:
     complementarity: float
     forces: FloatArray = field(repr=False)
     mechanism: FloatArray = field(repr=False)
+    angle: float | None = None
 
     @property
     def residual(self) -> float:
         """The largest of the four."""
-        return max(self.equilibrium, self.yield_excess, self.flow, self.complementarity)
+        return max(getattr(self, name) for name in RESIDUALS)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the angle moves the load factor by less than a tenth of what searches tell
+        apart."""
+        return self.angle is None or self.angle <= 0.1 * APART
+
+
+APART = 1e-3
+"""Relative difference of load factors that searches tell apart: each asks for members that are
+lower than its lowest by as much at least."""
 
 
 @dataclass(frozen=True)
@@ -219,6 +260,20 @@ class Search:
     load_factor: float | None
     solves: int
     last_gain: int
+
+
+def ended_apart(searches: Sequence[Search]) -> bool:
+    """Whether several searches ended at load factors that they tell apart, or one at none.
+
+    >>> ended_apart([Search(0, 0.5, 300, 20), Search(1, 0.5001, 300, 90)])
+    False
+    >>> ended_apart([Search(0, 0.5, 300, 20), Search(1, 0.51, 300, 90)])
+    True
+    """
+    found = [search.load_factor for search in searches if search.load_factor is not None]
+    if len(found) < len(searches):
+        return bool(found)
+    return bool(found) and max(found) - min(found) > APART * max(map(abs, found))
 
 
 @dataclass(frozen=True, eq=False)

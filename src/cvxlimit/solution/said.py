@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cvxlimit.base.doors import Door
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded, rounded_down, rounded_up
-from cvxlimit.solution.records import Status
+from cvxlimit.solution.from_rest import FromRest
+from cvxlimit.solution.records import Status, ended_apart
 from cvxlimit.solution.solution import Solution
 
 DIGITS = 7
@@ -20,7 +22,10 @@ DIGITS = 7
 UNPROVED = 5
 """Digits of numbers that nothing bounds: those that another solver may find as well."""
 
-_WITHOUT = "--method zero-dilatancy"
+_WITHOUT, _FROM_REST = "zero-dilatancy", "incremental"
+_PAGE = "--report FILE.html"
+_LEAST = "the lowest state that can be found, where beds are not true: --method zero-dilatancy"
+REACHED = "the load reached from rest"
 LOWEST = "the lowest load found if sliding opens no joint"
 """What to report where joints slide."""
 
@@ -42,7 +47,7 @@ class Said:
     report : str
         What to put in a report.
     option : str
-        What to add on the command line to get that.
+        What to add on the command line to get that, or which extension is missing for it.
     """
 
     value: str
@@ -78,10 +83,12 @@ def said(solution: Solution) -> Said:
         return Said(
             value="none", standing=solution.standing,
             headline=f"no load factor: {solution.standing}",
-            report=LOWEST if slides else "", option=_WITHOUT if slides else "",
+            report=LOWEST if slides else "", option=_asking(_WITHOUT) if slides else "",
         )  # fmt: skip
     if solution.flow == "zero-dilatancy":
         return _members(solution)
+    if solution.from_rest is not None and solution.load_factor is not None:
+        return _from_rest(solution, solution.from_rest, solution.load_factor)
     if solution.bracket.has_any:
         return _bracketed(solution)
     return _iterated(solution)
@@ -117,6 +124,12 @@ def _sliding(solution: Solution, where: str = "") -> tuple[tuple[str, str], ...]
     return (("sliding", where + words),) if words else ()
 
 
+def _asking(method: str, before: str = "") -> str:
+    """What asks for a method on the command line, or which extension is missing for it."""
+    missing = Door("cvxlimit.methods").missing(method)
+    return f"{before}--method {method}" if missing is None else str(missing)
+
+
 def _joined(*words: str) -> str:
     return "; ".join(filter(None, words))
 
@@ -144,12 +157,23 @@ def _bracketed(solution: Solution) -> Said:
     if not solution.status.is_good:
         wider = ", as the bracket is wider than was asked for" if bracket.has_both else ""
         headline += f": {status}{wider}"
-    report, option = "this with its bracket; for a page to sign", "--report FILE.html"
+    report, option = "this with its bracket; for a page to sign", _PAGE
     if rows:
-        report, option, headline = LOWEST, _WITHOUT, f"{headline}; {rows[0][1]}"
+        report, option = _from_rest_or_lowest(solution)
+        headline = f"{headline}; {rows[0][1]}"
     return Said(
         value=value, standing=standing, headline=headline, rows=rows, report=report, option=option
     )
+
+
+def _from_rest_or_lowest(solution: Solution) -> tuple[str, str]:
+    """What to report where joints slide, and what asks for it: mortar that bears tension is not
+    followed from rest."""
+    scene = solution.solved_scene
+    if scene is not None and scene.contacts.pulls:
+        return LOWEST, _asking(_WITHOUT)
+    surface = "" if solution.surface == "conic" else "--surface conic "
+    return REACHED, _asking(_FROM_REST, surface)
 
 
 def _interval(solution: Solution) -> Said:
@@ -168,7 +192,7 @@ def _interval(solution: Solution) -> Said:
     return Said(
         value=solution.range_text, standing=f"{shown}  {solution.standing}", headline=headline,
         rows=rows,
-        report="both ends with their brackets; for a page to sign", option="--report FILE.html",
+        report="both ends with their brackets; for a page to sign", option=_PAGE,
     )  # fmt: skip
 
 
@@ -192,11 +216,15 @@ def _members(solution: Solution) -> Said:
     value, standing = rounded(factor, UNPROVED), "lowest found; not proved to be the least"
     found = "lowest load factor found at which it can fall if sliding opens no joint"
     headline = _joined(found, "not proved to be the least", limited)
-    report = f"{value} as the lowest found, with these limits; for a page to sign"
+    report, option = f"{value} as the lowest found, with these limits; for a page to sign", _PAGE
+    if any(not member.is_settled for member in members[:1]):
+        report, option = "nothing yet, as friction is at an angle to the slip; search on", "--seed"
+    elif ended_apart(solution.searches):
+        report, option = "nothing yet, as the searches ended apart; search on", "--searches"
     if bracket.lower_is_proved and factor - bracket.lower <= TOLERANCE * bracket.unit:
         standing = "the least, proved"
         headline = _joined("the least load factor if sliding opens no joint", limited)
-        report = "this, which is proved; for a page to sign"
+        report, option = "this, which is proved; for a page to sign", _PAGE
     elif factor < 0.0:
         where = "0 lies between the" if highest >= 0.0 else "0 lies above all"
         depends = "whether it stands depends on the state of forces"
@@ -206,7 +234,34 @@ def _members(solution: Solution) -> Said:
         standing = f"{solution.status}; {standing}"
     return Said(
         value=value, standing=standing, headline=headline, rows=tuple(rows), report=report,
-        option="--report FILE.html",
+        option=option,
+    )  # fmt: skip
+
+
+def _from_rest(solution: Solution, way: FromRest, factor: float) -> Said:
+    """What a way from rest reached, where it ends with other settings, and its limits."""
+    value, rows = rounded(factor, 4), [("end", way.end)]
+    standing, wide = f"{solution.status}, which bounds nothing", way.undecided(factor)
+    if wide:
+        value, standing = wide, f"not decided, {standing}"
+        rows.insert(0, ("not decided", f"its own way ends at {rounded(factor, 4)}, others apart"))
+    if way.spread:
+        rows.append(("spread", f"{way.spread_text} ({', '.join(x.what for x in way.spread)})"))
+    if way.draws:
+        rows.append(("bedding", f"beds untrue by {way.bedding:g}: {way.draws_text}"))
+    if way.limit is not None:
+        most = rounded_up(way.limit, UNPROVED)
+        rows.append(("limits", f"at most {most} if joints open as they slide (proved); {_LEAST}"))
+    told = f"{value}, not decided," if wide else value
+    headline = _joined(
+        f"load factor {told} {solution.status}: rigid blocks on elastic joints, sliding opens "
+        "none; no bound", way.end,
+        *(f"{name}: {words}" for name, words in rows if name != "end"),
+    )  # fmt: skip
+    return Said(
+        value=value, standing=standing, headline=headline,
+        rows=tuple(rows), report="this with its spread and limits; for a page to sign",
+        option=_PAGE,
     )  # fmt: skip
 
 
@@ -233,10 +288,10 @@ def _iterated(solution: Solution) -> Said:
     rows: tuple[tuple[str, str], ...] = () if found is None else (("paper", found.stop),)
     band = "" if found is None else f"{found.band}, with this solver"
     # What answers the question: bounds with bending, or several solutions without dilatancy.
-    better, option = "the lowest found of several solutions", _WITHOUT
+    better, option = "the lowest found of several solutions", _asking(_WITHOUT)
     if dilates:
-        better, option = "bounds", "--method certified"
-        option = option if solution.surface == "conic" else f"--surface conic {option}"
+        surface = "" if solution.surface == "conic" else "--surface conic "
+        better, option = "bounds", _asking("certified", surface)
     if (dilates and found is None) or solution.status is Status.SOLVER_FAILED:
         better = option = ""
     if factor is None or not solution.status.is_good:
@@ -246,7 +301,8 @@ def _iterated(solution: Solution) -> Said:
             report=better, option=option,
         )  # fmt: skip
     value, standing = rounded(factor, UNPROVED), f"{status}, which bounds nothing"
-    headline = _joined("where the iteration of the paper settled; it bounds nothing", band)
+    whose = "the iteration" if found is None else "the iteration of the paper"
+    headline = _joined(f"where {whose} settled; it bounds nothing", band)
     if not dilates:
         headline = "one solution if sliding opens no joint; there may be lower ones"
     return Said(

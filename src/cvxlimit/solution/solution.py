@@ -8,12 +8,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+import numpy as np
+
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.doors import attached
 from cvxlimit.errors import InputError
 from cvxlimit.geometry.lumped import Lumped
 from cvxlimit.scene import Scene, Units, check_scene
-from cvxlimit.solution.bracket import Bracket, Reference, rounded, rounded_up
+from cvxlimit.solution.bracket import Bracket, Evidence, Reference, rounded, rounded_up
+from cvxlimit.solution.from_rest import FromRest, Step
 from cvxlimit.solution.kinematics import Dilatancy
 from cvxlimit.solution.records import Iterate, Iteration, LowerEnd, Member, Search, Status
 from cvxlimit.surfaces import YieldSurface
@@ -21,7 +24,7 @@ from cvxlimit.surfaces import YieldSurface
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Table = Literal["contacts", "blocks", "history"]
+Table = Literal["contacts", "blocks", "history", "steps"]
 
 LOAD_FACTOR = "load factor"
 """What a solution is about unless it says otherwise."""
@@ -45,7 +48,9 @@ class Solution:
     blocks, contacts : int
         Numbers of free blocks and of contacts.
     load_factor : float or None
-        The method's value, inside its bracket if it has one; None when no answer exists.
+        The method's value, inside its bracket if it has one. None when no answer exists, and where
+        nothing holds the value: no bracket, no member, and an iteration that did not converge,
+        whose load factors :attr:`history` and :attr:`iteration` have.
     bracket : Bracket
         Bounds of the load factor asked for, recomputed outside the solver; infinite where the
         method has none.
@@ -63,7 +68,8 @@ class Solution:
     versions : mapping of distribution to version
         cvxlimit, CVXPY and every solver that ran.
     torsion_shear : str
-        ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``.
+        ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``; empty where surfaces by another
+        name say it, or none does.
     flow : str
         ``"associated"`` or ``"zero-dilatancy"``.
     members : tuple of Member
@@ -73,6 +79,8 @@ class Solution:
     dilatancy : Dilatancy or None
         How far the load factor rests on joints that open because they slide; None without forces
         and mechanism, and where friction does not dilate (``flow``).
+    from_rest : FromRest or None
+        Of method ``"incremental"``: how the way ended, what may be to come, where it ends besides.
     iteration : Iteration or None
         Where the paper would have stopped and the band of the last iterates, of the fixed point.
     internal : (p,) array or None
@@ -84,6 +92,12 @@ class Solution:
     reference : Reference or None
         What bounds were computed with beside forces and mechanism, without interaction; None for a
         file of a version below 0.3.
+    beside : mapping of str to Evidence
+        What else is proved by forces or rates of its own, by claim: ``"associated"``, the upper
+        bound of all solutions without dilatancy; ``"slides"``, a solution without dilatancy where
+        any multiple is carried with it; ``"thrusts 1"``, ``"excluded 1"`` and so on, in this
+        order, below which load factor there is none; ``"points"``, the lower bound of method
+        ``"exact"``. Of the scene as it was solved, where mortar may have become a load.
     model : tuple of str
         Reductions of the model that were used: ``"parts"``, ``"symmetry"``, ``"planar"``; none for
         the full one.
@@ -132,6 +146,7 @@ class Solution:
     internal: FloatArray | None = field(default=None, repr=False)
     lower_end: LowerEnd | None = None
     reference: Reference | None = field(default=None, repr=False)
+    beside: Mapping[str, Evidence] = field(default_factory=dict, repr=False)
     model: tuple[str, ...] = ()
     quantity: str = LOAD_FACTOR
     solved_scene: Scene | None = field(default=None, repr=False)
@@ -141,6 +156,7 @@ class Solution:
     units: Units | None = None
     lumped: Lumped | None = None
     tolerance: float | None = None
+    from_rest: FromRest | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if (scene := self.solved_scene) is not None:
@@ -149,7 +165,7 @@ class Solution:
 
     def __repr__(self) -> str:
         """One line: what was solved, the load factor, its bracket, how it ended."""
-        what = f"{self.scene_name!r}, {self.surface}"
+        what = f"{self.scene_name!r}, {self.surface_name}"
         if self.interaction != "none":
             what += f", {self.interaction} interaction, {self.moments} moments"
         if self.load_factor is None:
@@ -157,6 +173,12 @@ class Solution:
         inside = f" in {self.bracket}" if self.bracket.has_any else ""
         value = f"{self.quantity} {self.range_text or rounded(self.load_factor)}"
         return f"Solution({what}: {value}{inside}, {self.standing})"
+
+    @property
+    def surface_name(self) -> str:
+        """The surface as it is called where it is chosen, ``"parabolic"`` among them, and
+        ``"exact"`` for the exact limit of torsion and shear."""
+        return self.surface if self.torsion_shear in ("linear", "") else self.torsion_shear
 
     @property
     def advice(self) -> str:
@@ -190,6 +212,30 @@ class Solution:
     def upper(self) -> float:
         """Upper end of the bracket; inf without one."""
         return self.bracket.upper
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What the bracket is proved by: forces, load factor, rates, a state inside and an opening
+        field. What rests on others of its own is in :attr:`beside`.
+
+        Example
+        -------
+        A block of 0.4 by 1 m carries 0.4 of its weight about its edge, 0.2 m from the centre:
+
+        >>> from cvxlimit import builtin_scene, solve
+        >>> found = solve(builtin_scene("single-block"))
+        >>> v1, v2, n, m1, m2, mt = found.evidence.forces[0]
+        >>> print(f"{abs(v1) / n:.6f} {abs(m2) / n:.6f} {found.evidence.load_factor:.6f}")
+        0.400000 0.200000 0.400000
+        """
+        rates = None if self.mechanism is None else np.array([*self.mechanism.values()])
+        return Evidence(self.load_factor, self.forces, rates, self.internal, self.reference)
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The states from rest to the end of the curve; empty for other methods than
+        ``"incremental"``."""
+        return () if self.from_rest is None else self.from_rest.steps
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -265,6 +311,8 @@ class Solution:
         """
         check_scene(scene)
         free = [scene.blocks[i].id for i in scene.free]
+        if self.quantity != LOAD_FACTOR:  # supports that give way move, too
+            free += [name for name in scene.supports if name in (self.mechanism or ())]
         for what, own, found in (
             ("free blocks", self.blocks, len(free)),
             ("contacts", self.contacts, len(scene.contacts)),
@@ -300,7 +348,9 @@ class Solution:
     @cached_property
     def problem(self) -> Any:
         """The :class:`~cvxlimit.LimitProblem` without interaction, of which this is a solution: the
-        one that was solved, or the one of its scene and surfaces; to change, and to solve again.
+        one that was solved, or the one of its scene and surfaces; to change, and to solve again. Of
+        a way from rest it is one step
+        (:class:`~cvxlimit.extensions.incremental.stating.ElasticStep`).
 
         Example
         -------
@@ -335,18 +385,20 @@ class Solution:
         return attached("solution_sensitivity")(self)
 
     def to_dataframe(self, what: Table = "contacts") -> DataFrame:
-        """The results as a table: a row per contact, per block, or per solve.
+        """The results as a table: a row per contact, per block, per solve, or per step from rest.
 
         ``"contacts"``: both blocks, forces V1 ... MT on the second, pressure centre, utilisation by
         surface, opening, slip and twist rates for live power 1. ``"blocks"``: weight, centroid,
-        rates. ``"history"``: what every solver gave. ``table.attrs["units"]`` and
+        rates. ``"history"``: what every solver gave. ``"steps"`` of method ``"incremental"``: load
+        factor over displacement, joints that slide and are open. ``table.attrs["units"]`` and
         ``table.attrs["description"]`` say what each column is. A solution read from a file has the
         columns of forces and rates alone, until :meth:`of` gives it its scene.
 
         Raises
         ------
         InputError
-            For another table, or a solution of an older file, which names no contacts.
+            For another table, steps of another method, or a solution of an older file, which names
+            no contacts.
         ModelError
             If pandas is not installed.
 
@@ -416,6 +468,7 @@ class Solution:
         envelope: Any = None,
         sensitivity: Any = None,
         without_dilatancy: Solution | None = None,
+        notes: Mapping[str, str] | None = None,
     ) -> Any:
         """One page that prints to two sheets of A4, to be read and signed: the result with its
         bracket and what that rests on, pictures of structure and mechanism, loads, joints, what was
@@ -430,6 +483,11 @@ class Solution:
             :func:`cvxlimit.envelope` return, a text, a mapping, or a table of pandas.
         without_dilatancy : Solution, optional
             Of method ``"zero-dilatancy"``, whose load factor is put beside this one.
+        notes : mapping of str to str, optional
+            Under ``"object"``, ``"author"`` and ``"place and date"`` the page's head; under
+            ``"friction"``, ``"weight per volume"``, ``"earth and water"``, ``"ties"`` and
+            ``"reactions"`` where these values come from; under other names what else is to stand
+            there. What is not given is a line to fill in by hand.
 
         Raises
         ------
@@ -443,8 +501,13 @@ class Solution:
         >>> "Checked by hand" in page
         True
         """
-        given = {"path": path, "check": check, "envelope": envelope, "sensitivity": sensitivity}
-        given["without_dilatancy"] = without_dilatancy
+        given: dict[str, Any] = {
+            "path": path,
+            "check": check,
+            "envelope": envelope,
+            "sensitivity": sensitivity,
+        }
+        given |= {"without_dilatancy": without_dilatancy, "notes": notes}
         return attached("solution_report")(self, file, given)
 
     def _repr_html_(self) -> str:

@@ -18,6 +18,7 @@ from cvxpy.reductions.solvers.defines import SOLVER_MAP_CONIC
 from cvxlimit.errors import ModelError
 from cvxlimit.solvers.table import (
     SOLVERS,
+    Solver,
     SolverSettings,
     check_installed,
     installed,
@@ -121,30 +122,35 @@ def ladder_for(purpose: str, tolerance: float | None = None) -> Ladder:
     >>> [str(settings) for settings in ladder_for("explicit steps")]
     ['CLARABEL']
     """
-    found: list[SolverSettings] = []
+    found, here = list[SolverSettings](), _here()
     for rung in LADDERS[purpose]:
-        if _is_here(rung.solver) and _is_here(rung.options.get("first", rung.solver)):
+        if {rung.solver, rung.options.get("first", rung.solver)} <= here.keys():
             asked = tolerance if rung.tolerance == ASKED else rung.tolerance
             label = rung.label.format(asked)
-            found.append(SOLVERS[rung.solver].at(asked, label, rung.iterations, **rung.options))
+            found.append(here[rung.solver].at(asked, label, rung.iterations, **rung.options))
     return tuple(found)
 
 
-def _is_here(name: str) -> bool:
-    row = SOLVERS.get(name)
-    return row is not None and not row.lacks and (row.plug_in is not None or name in installed())
+def _here() -> dict[str, Solver]:
+    """The rows of solvers that can be used here, in the table's order."""
+    names = installed()
+    return {
+        name: row
+        for name, row in SOLVERS.items()
+        if not row.lacks and (row.plug_in is not None or name in names)
+    }
 
 
 def blockwise(tolerance: float | None = None) -> Ladder:
     """Returns a ladder with our own solver alone, or an empty one where it is not here or was not
     compiled."""
-    return (SOLVERS[_OWN].at(tolerance),) if _is_here(_OWN) else ()
+    return (row.at(tolerance),) if (row := _here().get(_OWN)) else ()
 
 
 def default_ladder(is_conic: bool = True) -> Ladder:
     """Returns the solvers for any problem: Clarabel with several settings, and then every other
     installed solver that takes the problem."""
-    others = [row for row in SOLVERS.values() if row.is_tried and row.name in installed()]
+    others = [row for row in _here().values() if row.is_tried]
     return (
         *ladder_for("any"),
         *(row.at() for row in others if row.has_cones or not is_conic),
@@ -162,7 +168,7 @@ class Shape:
     variables: int
     equations: int
     cones: int
-    rows: int = 0
+    rows: int
 
     @property
     def kind(self) -> str:

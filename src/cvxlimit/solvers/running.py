@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import cvxpy as cp
@@ -16,6 +18,7 @@ from cvxpy.reductions.solvers.solving_chain import SolvingChain
 from cvxpy.settings import ERROR, INF_OR_UNB, PARAM_PROB, SOLUTION_PRESENT
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.doors import loaded
 from cvxlimit.solvers.matrices import Matrices
 from cvxlimit.solvers.table import SolverSettings, able, installed
 
@@ -41,6 +44,12 @@ class Outcome:
         return self.status in INF_OR_UNB
 
 
+Flows = Callable[[], Mapping[str, Sequence[tuple[FloatArray, Sequence[FloatArray]]]]]
+"""What reads a solver's duals of strength, which few have to know: of each surface, condition by
+condition, multipliers (k,) of the resistance and flows (k,) of all rows of its norms times their
+weights. They belong to rates as :mod:`cvxlimit.proof.flow` says."""
+
+
 @dataclass(frozen=True, eq=False)
 class LimitState:
     """One solver's answer in the user's units, not yet certified. Fields are None where the solver
@@ -60,6 +69,8 @@ class LimitState:
         Internal forces of the formulation.
     own : mapping from str to array
         Values of unknowns that the problem's goal added, by name.
+    flows : Flows or None
+        Duals of strength that belong to the mechanism, where the model is the full one.
     values : (x, y) or CVXPY's Solution, or None
         All unknowns and all duals as the solver returned them, for those who read them in CVXPY.
     """
@@ -71,6 +82,7 @@ class LimitState:
     internal: FloatArray | None = None
     own: Mapping[str, FloatArray] = field(default_factory=dict)
     values: Any = None
+    flows: Flows | None = None
 
 
 def run(problem: cp.Problem, settings: SolverSettings, ignore_dpp: bool = False) -> Outcome:
@@ -141,6 +153,8 @@ def attempted(
         return Outcome(f"failed: {lacks}", 0.0, 0.0, f"{lacks}; {others}"), None
     start = ready = time.perf_counter()
     try:
+        if settings.row.greets and not settings.verbose:
+            _greeted(settings.row.greets)
         solve, read = compiled()
         ready = time.perf_counter()
         raw = solve()
@@ -154,3 +168,21 @@ def attempted(
         return Outcome(f"failed: {reason[:120]}", ready - start, took), None
     reading = time.perf_counter() - solved
     return Outcome(solution.status, ready - start + reading, solved - ready), solution
+
+
+@cache
+def _greeted(place: str) -> None:
+    """Lets a solver print its banner, once in a process, where nobody sees it: stdout is for
+    answers. Native code prints past Python, so that the descriptor itself goes elsewhere, for less
+    than a millisecond and not while it solves, since other threads may print."""
+    made = loaded(place)
+    if sys.stdout is not None:
+        sys.stdout.flush()
+    with open(os.devnull, "wb") as nowhere:
+        kept = os.dup(1)
+        try:
+            os.dup2(nowhere.fileno(), 1)
+            made()
+        finally:
+            os.dup2(kept, 1)
+            os.close(kept)

@@ -46,6 +46,9 @@ class Solver:
     pace : (float, float)
         Seconds on one core: the first times the number of variables to the power of the second
         (docs/evidence/solvers.md). Without measurements it is Clarabel's.
+    greets : str
+        Place of what prints a banner on stdout when it is first made in a process, whatever its
+        options say: ``"module:attribute"``.
     plug_in : subclass of cvxpy's ConicSolver, or None
         Its interface, if CVXPY does not know it by name.
     lacks : str
@@ -64,6 +67,7 @@ class Solver:
     splits_equations: bool = False
     distribution: str = ""
     pace: tuple[float, float] = (3.2e-7, 1.6)
+    greets: str = ""
     plug_in: type[ConicSolver] | None = None
     lacks: str = ""
 
@@ -107,7 +111,8 @@ _ROWS = (
            options={"max_iters": 300}, iterations="max_iters", is_tried=True, takes_matrices=True,
            splits_equations=True),
     Solver("HIGHS", "cvxlimit", ("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
-           options={"time_limit": 60.0}, is_tried=True, distribution="highspy"),
+           options={"time_limit": 60.0}, is_tried=True, distribution="highspy",
+           greets="highspy:Highs"),
     # Iterations alone are no budget: 100,000 take more than eight minutes on 1,906 contacts with
     # interaction, and an answer this late has not been seen to be of use.
     Solver("SCS", "cvxlimit", ("eps_abs", "eps_rel"),
@@ -117,7 +122,7 @@ _ROWS = (
     Solver("CUOPT", tolerances=("optimality",)),  # of cones CVXPY gets no duals
 )  # fmt: skip
 
-SOLVERS: Mapping[str, Solver] = Door("cvxlimit.solvers", {row.name: row for row in _ROWS})
+SOLVERS = Door("cvxlimit.solvers", {row.name: row for row in _ROWS})
 """All rows by name, those of the default ladder in its order; extensions and other packages add
 theirs."""
 
@@ -180,6 +185,7 @@ def check_installed(settings: SolverSettings) -> None:
     """Raises ModelError for a solver that CVXPY cannot find, and for our own where it is not
     compiled."""
     name, row = settings.name, settings.row
+    SOLVERS.check(name)
     if row.plug_in is None and name not in installed():
         known = sorted({*SOLVERS, *SOLVER_MAP_CONIC, *SOLVER_MAP_QP})
         if name in known:

@@ -2,7 +2,7 @@
 
 A surface states physics only, in the scene's own units. From its conditions follow the CVXPY
 constraints of the static problem, the flow rule of the kinematic problem
-(:mod:`cvxlimit.model.flow`), and the yield excess in NumPy.
+(:mod:`cvxlimit.proof.flow`), and the yield excess in NumPy.
 """
 
 from __future__ import annotations

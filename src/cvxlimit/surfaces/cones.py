@@ -1,8 +1,15 @@
 """Cones: how a norm of force components is bounded, exactly or by K facets.
 
-Each cone has a *gauge*, the size that it gives a vector (the Euclidean norm for the circle); a
-*polar gauge*, the size of the rates that belong to such forces; and the *epigraph* of both, the
-constraint that the size is at most a bound.
+Each cone has a *gauge*, the size that it gives a vector v (the Euclidean norm for the circle); a
+*polar gauge*, the size of the rates that belong to such forces; and its *epigraph* as two small
+matrices, which no solver has to know more of:
+
+    gauge(v) <= t   where, for some w,   P (t, v, w) >= 0   and   Q (t, v, w) is in the cone of
+                                                            vectors whose first entry is at least
+                                                            the norm of the others.
+
+From these follow its constraints (:meth:`Cone.epigraph`), those of its polar
+(:meth:`Cone.polar`), and what rates a solver's duals of them mean (:meth:`Cone.flow`).
 """
 
 from __future__ import annotations
@@ -30,68 +37,116 @@ class Sink(Protocol):
     def new(self, size: int | None = None, name: str | None = None, nonneg: bool = False) -> Any:
         """Unknowns (size,) of one's own as a form; one number without a size."""
 
-    def nonneg(self, form: Any) -> None:
-        """form >= 0."""
+    def nonneg(self, form: Any) -> Any:
+        """form >= 0; returns that by which its dual is asked for."""
 
     def zero(self, form: Any) -> None:
         """form = 0."""
 
-    def cone(self, bound: Any, rows: Sequence[Any]) -> None:
-        """Euclidean norm of the rows <= bound, k times."""
+    def cone(self, bound: Any, rows: Sequence[Any]) -> Any:
+        """Euclidean norm of the rows <= bound, k times; returns the same."""
 
 
 class Cone(ABC):
     """Gauge of a vector of force components, its epigraph, and its polar.
 
-    Rows are the vector's components, each an array (n,) or a form of a :class:`Sink`, to which the
-    epigraphs are stated. Vectors with one component are bounded by their absolute value whatever
+    Rows are the vector's components, each an array (n,) or a form of a :class:`Sink`, to which
+    constraints are stated. Vectors with one component are bounded by their absolute value whatever
     the cone.
+
+    To add a cone, subclass and give its gauge, its polar and its matrices, of vectors of more
+    components than one; nothing else needs to change:
+
+    >>> class Diamond(Cone):
+    ...     '''abs(v1) + abs(v2) <= t: with w >= abs(v1), abs(v2) <= t - w.'''
+    ...     def gauge_of(self, rows):
+    ...         return np.abs(rows).sum(axis=0)
+    ...     def polar_gauge_of(self, rows):
+    ...         return np.abs(rows).max(axis=0)
+    ...     def rows_of(self, size):
+    ...         on = [[0, -1, 0, 1], [0, 1, 0, 1], [1, 0, -1, -1], [1, 0, 1, -1]]  # t, v1, v2, w
+    ...         return np.array(on), np.zeros((0, 4))
+    >>> v = [np.array([3.0]), np.array([-4.0])]
+    >>> Diamond().gauge(v).tolist(), Diamond().polar_gauge(v).tolist(), str(Diamond())
+    ([7.0], [4.0], 'diamond')
     """
 
-    def gauge(self, rows: Sequence[FloatArray]) -> FloatArray:
+    def __str__(self) -> str:
+        return type(self).__name__.lower()
+
+    def gauge(self, rows: Sequence[FloatArray] | FloatArray) -> FloatArray:
         """The size (n,) of the vectors."""
-        return np.abs(rows[0]) if len(rows) == 1 else self._gauge(np.stack(rows))
+        return np.abs(rows[0]) if len(rows) == 1 else self.gauge_of(np.asarray(rows))
 
-    def polar_gauge(self, rows: Sequence[FloatArray]) -> FloatArray:
+    def polar_gauge(self, rows: Sequence[FloatArray] | FloatArray) -> FloatArray:
         """The dual size (n,): smallest t with ``rows @ v <= t * gauge(v)`` for all v."""
-        return np.abs(rows[0]) if len(rows) == 1 else self._polar_gauge(np.stack(rows))
+        return np.abs(rows[0]) if len(rows) == 1 else self.polar_gauge_of(np.asarray(rows))
 
-    def epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
-        """State ``gauge(rows) <= bound``."""
-        (_between if len(rows) == 1 else self._epigraph)(into, bound, rows)
+    def rows(self, size: int) -> tuple[FloatArray, FloatArray]:
+        """P and Q of the epigraph of vectors of so many components: columns t, v, and any w."""
+        return (_BETWEEN, np.zeros((0, 2))) if size == 1 else self.rows_of(size)
 
-    def polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
-        """State ``polar_gauge(rows) <= bound``."""
-        (_between if len(rows) == 1 else self._polar_epigraph)(into, bound, rows)
+    def epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+        """State ``gauge(rows) <= bound``; returns by what the duals of P and of Q are asked for."""
+        linear, second_order = self.rows(len(rows))
+        more = linear.shape[1] - 1 - len(rows)
+        unknowns = [bound, *rows, *(into.new(rows[0].size) for _ in range(more))]
+        stated = [into.nonneg(_mixed(row, unknowns)) for row in linear.tolist()]
+        if not len(second_order):
+            return stated, []
+        first, *others = (_mixed(row, unknowns) for row in second_order.tolist())
+        return stated, [into.cone(first, others)]
+
+    def flow(self, size: int, duals: FloatArray) -> FloatArray:
+        """Returns (bound, rows) with ``polar_gauge(rows) <= bound``, (1 + size, k), that duals
+        (rows of P and Q, k) of the epigraph are."""
+        every = np.concatenate(self.rows(size))[:, : 1 + size].T @ duals
+        return np.concatenate([every[:1], -every[1:]])
+
+    def polar(self, into: Sink, count: int, size: int) -> tuple[Any, list[Any]]:
+        """Returns forms of all (bound, rows) with ``polar_gauge(rows) <= bound``, so many, of
+        unknowns of their own: what duals of the epigraph can be."""
+        linear, second_order = self.rows(size)
+        duals = [into.new(count, nonneg=True) for _ in linear]
+        if len(second_order):
+            duals += (cone := [into.new(count) for _ in second_order])
+            into.cone(cone[0], cone[1:])
+        every = np.concatenate([linear, second_order]).T.tolist()
+        bound, *rows = (_mixed(row, duals) for row in every[: 1 + size])
+        for row in every[1 + size :]:
+            into.zero(_mixed(row, duals))
+        return bound, [-row for row in rows]
 
     @abstractmethod
-    def _gauge(self, rows: FloatArray) -> FloatArray: ...
+    def gauge_of(self, rows: FloatArray) -> FloatArray:
+        """The size (n,) of vectors (components, n)."""
 
     @abstractmethod
-    def _polar_gauge(self, rows: FloatArray) -> FloatArray: ...
+    def polar_gauge_of(self, rows: FloatArray) -> FloatArray:
+        """The dual size (n,) of vectors (components, n): any that is no smaller is safe."""
 
     @abstractmethod
-    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None: ...
-
-    @abstractmethod
-    def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None: ...
+    def rows_of(self, size: int) -> tuple[FloatArray, FloatArray]:
+        """P and Q for vectors of so many components."""
 
 
-Bounded = Sequence[tuple[Cone, slice, Sequence[Sequence[slice]]]]
-"""Of conditions that stand one below the other: the cone, the rows of the resistance, and of each
-norm the rows of its components, one slice per component."""
+_BETWEEN = np.array([[1.0, -1.0], [1.0, 1.0]])
+"""Linear rows on (t, v) that say abs(v) <= t."""
 
 
-def with_gauges(
-    bounded: Bounded, components: Sequence[FloatArray], y: list[FloatArray]
-) -> list[FloatArray]:
-    """Returns ``y`` (k,) of each of some states with the gauges of the norms of every condition
-    added to it in place, from the ``components`` (q,) of all norms."""
-    for of_state, total in zip(components, y, strict=True):
-        for cone, at, norms in bounded:
-            for norm in norms:
-                total[at] += cone.gauge([of_state[rows] for rows in norm])
-    return y
+def _mixed(weights: Sequence[float], forms: Sequence[Any]) -> Any:
+    """Returns the sum of forms times their weights, of which one at least is not zero."""
+    result: Any = None
+    for weight, form in zip(weights, forms, strict=True):
+        if weight == 0.0:
+            continue
+        if result is None:
+            result = form if weight == 1.0 else weight * form
+        elif abs(weight) == 1.0:
+            result = result + form if weight > 0.0 else result - form
+        else:
+            result = result + weight * form if weight > 0.0 else result - -weight * form
+    return result
 
 
 @dataclass(frozen=True)
@@ -105,13 +160,13 @@ class Conic(Cone):
     def __str__(self) -> str:
         return "conic"
 
-    def _gauge(self, rows: FloatArray) -> FloatArray:
+    def gauge_of(self, rows: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.norm(rows, axis=0))
 
-    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
-        into.cone(bound, rows)
+    def rows_of(self, size: int) -> tuple[FloatArray, FloatArray]:
+        return np.zeros((0, 1 + size)), np.eye(1 + size)
 
-    _polar_gauge, _polar_epigraph = _gauge, _epigraph
+    polar_gauge_of = gauge_of
 
 
 @dataclass(frozen=True)
@@ -157,32 +212,20 @@ class Facets(Cone):
         exact[np.abs(exact) < 1e-15] = 0.0
         return exact / self.reach
 
-    def _gauge(self, rows: FloatArray) -> FloatArray:
+    def gauge_of(self, rows: FloatArray) -> FloatArray:
         self._check(len(rows))
         return np.asarray((self.normals @ rows).max(axis=0))
 
-    def _polar_gauge(self, rows: FloatArray) -> FloatArray:
+    def polar_gauge_of(self, rows: FloatArray) -> FloatArray:
         self._check(len(rows))
         # Corners of the unit polygon, between its facets: the polar gauge is attained at one.
         middle = self.normals + np.roll(self.normals, -1, axis=0)
         middle /= (middle * self.normals).sum(axis=1)[:, None]
         return np.asarray((middle @ rows).max(axis=0))
 
-    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
-        self._check(len(rows))
-        for normal in self.normals.tolist():
-            rest = bound
-            for weight, row in zip(normal, rows, strict=True):
-                rest = rest - weight * row if weight != 0.0 else rest
-            into.nonneg(rest)
-
-    def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
-        self._check(len(rows))
-        # The vector is a sum of facet normals times parts >= 0, and the sum of parts is bounded.
-        parts = [into.new(rows[0].size, nonneg=True) for _ in self.normals]
-        into.nonneg(bound - sum(parts))
-        for weights, row in zip(self.normals.T.tolist(), rows, strict=True):
-            into.zero(sum(w * z for w, z in zip(weights, parts, strict=True)) - row)
+    def rows_of(self, size: int) -> tuple[FloatArray, FloatArray]:
+        self._check(size)
+        return np.hstack([np.ones((self.count, 1)), -self.normals]), np.zeros((0, 3))
 
     def _check(self, components: int) -> None:
         """Raises ModelError unless vectors have two components."""
@@ -207,33 +250,22 @@ class Parabola(Cone):
     def __str__(self) -> str:
         return "parabola"
 
-    def _gauge(self, rows: FloatArray) -> FloatArray:
+    def gauge_of(self, rows: FloatArray) -> FloatArray:
         v1, v2, m = rows
         return np.asarray(np.abs(m) / 2.0 + np.hypot(np.hypot(v1, v2), m / 2.0))
 
-    def _polar_gauge(self, rows: FloatArray) -> FloatArray:
+    def polar_gauge_of(self, rows: FloatArray) -> FloatArray:
         slip, twist = np.hypot(rows[0], rows[1]), np.abs(rows[2])
         safe = np.where(twist > 0.0, twist, 1.0)
         turning = twist + slip**2 / (4.0 * safe)
         return np.where(slip < 2.0 * twist, turning, slip)
 
-    def _epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
-        v1, v2, m = rows
-        half = into.new(m.size)
-        into.cone(bound - half, [v1, v2, 0.5 * m])
-        _between(into, half, [0.5 * m])
-
-    def _polar_epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> None:
-        slip_1, slip_2, twist = rows
-        share = into.new(twist.size)
-        into.cone(bound, [slip_1, slip_2, 2.0 * share])
-        _between(into, bound, [2.0 * (twist - share)])
-
-
-def _between(into: Sink, bound: Any, rows: Sequence[Any]) -> None:
-    """States abs(row) <= bound of one row."""
-    into.nonneg(bound - rows[0])
-    into.nonneg(bound + rows[0])
+    def rows_of(self, size: int) -> tuple[FloatArray, FloatArray]:
+        # w >= abs(m)/2, and norm(v1, v2, m/2) <= t - w
+        linear, cone = np.zeros((2, 5)), np.zeros((4, 5))
+        linear[:, 3:] = [[-0.5, 1.0], [0.5, 1.0]]
+        cone[[0, 0, 1, 2, 3], [0, 4, 1, 2, 3]] = [1.0, -1.0, 1.0, 1.0, 0.5]
+        return linear, cone
 
 
 def parse_cone(name: str, others: Iterable[str] = ()) -> Cone:

@@ -260,7 +260,20 @@ def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurfa
 
 
 def words_of(name: str) -> dict[str, str]:
-    """Returns the words by which results describe the surface of a name."""
+    """Returns the words by which results describe the surfaces of a name."""
     if name == PARABOLIC:
         return {"surface": "conic", "torsion_shear": PARABOLIC}
-    return {"surface": name, "torsion_shear": "linear"}
+    if name.endswith(")"):
+        is_linear = f"+{TorsionShear.name}(" in f"+{name}"
+    else:
+        is_linear = _is_cone(name) or name not in SURFACES
+    return {"surface": name, "torsion_shear": "linear" if is_linear else ""}
+
+
+def _is_cone(name: str) -> bool:
+    """True for names of this package's cones, of which nobody else has to be asked."""
+    try:
+        parse_cone(name)
+    except ModelError:
+        return False
+    return True

@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.polygons import distance_integral
 
@@ -53,8 +53,6 @@ class _Numbers:
     """Centres of rotation that are tried for a polygon: a grid of 25 x 25 over three times its
     size to either side, then four finer ones around the worst. More of them change arms by less
     than the margin."""
-    sliding: float = 1e-9
-    """1 - V^2 below this is rounding: such a state is a translation, which bounds no arm."""
 
 
 _N = _Numbers()
@@ -219,7 +217,7 @@ def _largest_arm(edges: Edges) -> FloatArray:
         centre = middle[:, None] + width[:, None, None] * cells
         v1, v2, moment = np.moveaxis(limit_states(edges, centre), -1, 0)
         left = 1.0 - v1**2 - v2**2
-        rotates = left > _N.sliding
+        rotates = left > ROUNDING
         arm = np.where(rotates, np.abs(moment) / np.where(rotates, left, 1.0), np.inf)
         worst = arm.argmin(axis=1)
         least_arm = np.minimum(least_arm, arm[every, worst])

@@ -162,6 +162,7 @@ def test_pairs_never_lose_more() -> None:
     assert losses[-1] < 0.1 * losses[0]
 
 
+@pytest.mark.exhaustive
 def test_interrupted_runs_return_members() -> None:
     """Ctrl-C during the search: what was found by then, in its bracket."""
     begun = []

@@ -60,6 +60,53 @@ def test_tables_that_are_none(text: str, said: str, tmp_path: Path) -> None:
         read_record(file, "g")
 
 
+HEADERS = {
+    "g": ["t (s),a (g)", "time;Acc [g]", "t a/g"],
+    "gal": ["t,a (gal)", "t,Acc[Gals]", "t;a in cm/s^2", "t,a cm/s/s", "t,a (cm s-2)", "t,cm/sec²"],
+    "m/s2": ["t,a (m/s2)", "t,a (M/S**2)", "t,a [m s⁻²]", "t,a [m·s^-2]", "t;a m/sec/sec"],
+    "mm/s2": ["t,a (mm/s2)", "t,a mm/s²"],
+    "": ["t,a", "t,a_g", "Time (s),ground motion", "t (s),velocity (m/s)", "sec,ug"],
+}
+
+
+@pytest.mark.parametrize("header", [text for texts in HEADERS.values() for text in texts])
+def test_a_unit_in_the_header_is_the_one_given(header: str, tmp_path: Path) -> None:
+    """Otherwise it is refused, showing both; a header without one says nothing."""
+    file = tmp_path / "a.csv"
+    sign = next((x for x in ";," if x in header), " ")
+    file.write_text(f"{header}\n0{sign}0\n1{sign}3\n2{sign}0\n")
+    own = next(unit for unit, texts in HEADERS.items() if header in texts)
+    for unit, size in {"g": 29.43, "gal": 0.03, "m/s2": 3.0, "mm/s2": 0.003}.items():
+        if own in ("", unit):
+            assert read_record(file, unit).largest == pytest.approx(size)
+        else:
+            with pytest.raises(InputError, match=rf"header says .*unit given is '{unit}'"):
+                read_record(file, unit)
+
+
+@pytest.mark.parametrize(
+    ("largest", "unit", "question"),
+    [
+        (300.0, "g", "4.1 g: is the record in gal?"),
+        (980.0, "m/s2", "4.1 g: is the record in gal?"),
+        (0.3, "gal", "is the record in g?"),
+        (0.8, "mm/s2", "is the record in g?"),
+        (300.0, "gal", ""),
+        (0.3, "g", ""),
+        (4.0, "g", ""),
+    ],
+)
+def test_accelerations_that_no_ground_has_are_asked_about(
+    largest: float, unit: str, question: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text(f"0,0\n1,{largest}\n2,0\n")
+    record = read_record(file, unit)
+    assert record.doubt.endswith(question)
+    assert bool(record.doubt) is bool(question)
+    assert question in repr(record)
+
+
 def test_what_is_asked_wrongly() -> None:
     with pytest.raises(InputError, match="did you mean 'sine'"):
         pulse("sin", 1.0, 1.0)  # type: ignore[arg-type]

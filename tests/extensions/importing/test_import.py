@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -19,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from broken_meshes import gltf, text_stl
 from cells import cells
-from cvxlimit import Block, Load, Scene, builtin_scene, solve
+from cvxlimit import Block, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.importing.bodies import Body, separated
 from cvxlimit.extensions.importing.digits import too_few_digits
@@ -27,7 +28,7 @@ from cvxlimit.extensions.importing.reading import bodies_in
 from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io import export, import_geometry, read_bodies
-from cvxlimit.masonry import running_bond, wall
+from cvxlimit.masonry import BUILTIN, running_bond, wall
 from exhaustive import mostly_slow
 
 trimesh = pytest.importorskip("trimesh")
@@ -339,6 +340,59 @@ def test_the_same_body_twice_is_refused_naming_both(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match=r"'b\d' and 'b\d' are the same body twice"):
         _ = import_geometry(path, **asked).scene.contacts
+
+
+@pytest.mark.parametrize("kind", ["off", "ply", "stl"])
+def test_a_body_twice_in_one_mesh_never_weighs_twice(tmp_path: Path, kind: str) -> None:
+    """With corners of its own it is named; where a format stores corners once it is mended."""
+    below, path = CUBE.vertices - (0, 0, 1), tmp_path / f"twice.{kind}"
+    points = np.vstack([below, CUBE.vertices, CUBE.vertices])
+    quads = [[8 * k + i for i in face] for k in range(3) for face in CUBE.faces]
+    triangles = [(f[0], f[k], f[k + 1]) for f in quads for k in (1, 2)]
+    path.write_bytes(
+        trimesh.Trimesh(points, triangles, process=False).export(file_type=kind, **{})
+        if kind != "off" else "\n".join(
+            [f"OFF\n{len(points)} {len(quads)} 0", *(" ".join(map(str, p)) for p in points),
+             *(f"4 {' '.join(map(str, f))}" for f in quads)]
+        ).encode()
+    )  # fmt: skip
+    asked: dict[str, Any] = {
+        "length_unit": "m", "up": "z", "density": 1, "friction": 0.5, "supports": "lowest",
+        "live": (1, 0, 0),
+    }  # fmt: skip
+    if kind == "off":
+        with pytest.raises(InputError, match=r"'b2' and 'b3' are the same body twice"):
+            _ = import_geometry(path, **asked).scene.contacts
+        return
+    scene = import_geometry(path, **asked).scene
+    assert [block.volume for block in scene.blocks] == pytest.approx([1.0, 1.0])
+    assert {repair.kind for repair in scene.blocks[1].repairs} >= {"doubled"}
+
+
+@pytest.mark.parametrize("length", [1e-9, 1e-7, 1e-6])
+def test_an_edge_of_next_to_no_length(length: float) -> None:
+    """A corner cut off by a sliver, which some programs close from both sides."""
+    points = np.vstack([CUBE.vertices, CUBE.vertices[6] - (length, 0, 0)])
+    quads = [[i for k in face for i in ([6, 8] if k == 6 and 7 in face and 3 in face else [k])]
+             for face in map(list, CUBE.faces)]  # fmt: skip
+    fans = [[f[0], f[k], f[k + 1]] for f in quads for k in range(1, len(f) - 1)]
+    body = Body("b", points, [*fans, [6, 8, 5], [8, 6, 5]])
+    assert volumes_mended(separated(body)) == pytest.approx([1.0], rel=1e-5)
+
+
+def test_stones_that_share_a_face_stay_two_where_a_corner_is_twice_there() -> None:
+    """A hair apart, on an edge that both stones have; and triangles of one corner are nothing."""
+    once = soup((0, 0, 0), (1, 0, 0))
+    shared = int(np.flatnonzero((once.vertices == (1, 1, 1)).all(axis=1))[0])
+    points = np.vstack([once.vertices, once.vertices[shared] - (0, 0, 1e-8)])
+    faces = [list(face) for face in once.faces]
+    for face in faces[:6]:  # those of the first cube, along the edge down from that corner
+        below = int(np.flatnonzero((points == (1, 1, 0)).all(axis=1))[0])
+        if shared in face and below in face:
+            i, k = face.index(shared), face.index(below)
+            face.insert(k if (i + 1) % len(face) == k else i, len(points) - 1)
+    found = separated(Body("b", points, [*faces, [3, 3, 3], [2, 2, 5]]))
+    assert volumes_mended(found) == pytest.approx([1.0, 1.0], rel=1e-6)
 
 
 def volumes_mended(bodies: list[Body]) -> list[float]:
@@ -859,3 +913,150 @@ def test_digits_are_counted_where_many_corners_share_few_coordinates() -> None:
     corners = np.stack(np.meshgrid(x, [0.0, 0.3], z), axis=-1).reshape(-1, 3)
     brick = Body("", np.array([[x[0], 0.0, 0.0], [x[1], 0.3, 0.1]]), (), is_box=True)
     assert not too_few_digits([brick, brick, Body("", np.tile(corners, (4, 1)), ())])
+
+
+# --- what is likely meant otherwise --------------------------------------------------------------
+
+
+def pile(path: Path, scale: float = 1.0, axes: Sequence[int] = (0, 1, 2)) -> Path:
+    """A slab with two cubes on it, as an OBJ in other axes or another unit."""
+    lines = list[str]()
+    for i, (name, low, high) in enumerate(
+        [("slab", (-1, -1, -0.5), (2, 2, 0)), ("low", (0, 0, 0), (0.5, 0.5, 0.5)),
+         ("top", (0.1, 0, 0.5), (0.6, 0.5, 1))]
+    ):  # fmt: skip
+        block = Block.box(name, low, high)
+        points = scale * block.vertices[:, list(axes)]
+        lines += [f"o {name}", *(f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points.tolist())]
+        lines += ["f " + " ".join(str(8 * i + k + 1) for k in face) for face in block.faces]
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [(1.0, ""), (9.0, ""), (11.0, "5.5 m across: are coordinates in m. In cm it would"),
+     (50.0, "25 m across: are coordinates in m. In cm it would have 0.25 m"),
+     (500.0, "433 m across: are coordinates in m. In mm the largest block would have 0.433 m"),
+     (0.021, ""), (0.019, "smallest stone is 0.0095 m across: are coordinates in m")],
+)  # fmt: skip
+def test_stones_of_no_size_ask_about_the_unit_once(tmp_path: Path, scale: float, said: str) -> None:
+    found = import_geometry(pile(tmp_path / "a.obj", scale), length_unit="m", up="z", density=20,
+                            friction=0.7, supports="lowest", live=(1, 0, 0))  # fmt: skip
+    doubts = [line for line in (*found.notes, *found.scene.doubts) if "coordinates" in line]
+    assert len(doubts) == bool(said)
+    assert not said or re.search(said, doubts[0])
+
+
+def test_another_axis_up_is_asked_for(tmp_path: Path) -> None:
+    """Read with z up, the slab is a wall beside the cubes: in the answer's note too."""
+    path = pile(tmp_path / "a.obj", axes=(0, 2, 1))
+    asked: dict[str, Any] = {"length_unit": "m", "density": 20, "friction": 0.7,
+                             "supports": ["slab"], "live": (1, 0, 0)}  # fmt: skip
+    wrong = import_geometry(path, up="z", **asked).scene
+    assert any("is y up?" in said for said in wrong.doubts)
+    answer = solve(wrong)
+    assert answer.status is Status.DEAD_LOAD_UNSTABLE
+    assert "is y up?" in answer.note
+    assert not import_geometry(path, up="y", **asked).scene.doubts
+
+
+def test_no_built_in_scene_is_asked_about_its_axes() -> None:
+    assert not {name for name, build in BUILTIN.items() if build().doubts}
+
+
+def test_supports_that_are_not_the_lowest_are_told(tmp_path: Path) -> None:
+    asked: dict[str, Any] = {"length_unit": "m", "up": "z", "density": 20, "friction": 0.7,
+                             "live": (1, 0, 0)}  # fmt: skip
+    path = pile(tmp_path / "a.obj")
+    notes = import_geometry(path, supports=["low"], **asked).notes
+    assert any("no support is as low as block 'slab', which is free" in note for note in notes)
+    assert not import_geometry(path, supports=["slab"], **asked).notes
+
+
+def test_hulls_that_touch_in_points_get_one_verdict(tmp_path: Path) -> None:
+    """Stones of a wall as hulls of points on their faces: they meet at angles."""
+    rng, lines, before = np.random.default_rng(3), ["o ground"], 1
+    bodies = [("ground", Block.box("g", (-1, -1, -0.3), (4, 2, 0)).vertices)]
+    for i in range(4):
+        for k in range(3):
+            low = np.array([0.6 * i + 0.3 * (k % 2), 0.0, 0.3 * k])
+            points = rng.random((40, 3))
+            points[np.arange(40), rng.integers(3, size=40)] = rng.integers(2, size=40)
+            points += rng.uniform(-0.01, 0.0, (40, 3)) * np.sign(points - 0.5)
+            bodies.append((f"s{k}_{i}", low + points * (0.6, 0.3, 0.3)))
+    lines = []
+    for name, points in bodies:
+        hull = trimesh.Trimesh(points, process=False).convex_hull
+        lines += [f"o {name}", *("v {:.9g} {:.9g} {:.9g}".format(*p) for p in hull.vertices)]
+        lines += ["f " + " ".join(str(i + before) for i in f) for f in hull.faces.tolist()]
+        before += len(hull.vertices)
+    (tmp_path / "hulls.obj").write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"the blocks do not touch in faces: at \d+ of the"):
+        _ = import_geometry(tmp_path / "hulls.obj", length_unit="m", up="z", density=20,
+                            friction=0.7, supports="lowest", live=PUSH).scene.contacts  # fmt: skip
+
+
+# --- 3DEC ----------------------------------------------------------------------------------------
+
+OLD_WORDS = """\
+new
+; a slab, and a stone with a slanted top on it, another against that
+poly region 1 brick -1 2 -1 2 -0.5 0
+poly reg 2 mat 3 prism &
+  a (0,0,0) (1,0,0) (1,1,0) (0,1,0) &   ; the bottom
+  b 0 0 1  1 0 2  1 1 2  0 1 1
+poly reg 2 face 1,0,0 1,0,2 1,1,2 1,1,0 face 2,0,0 2,1,0 2,1,2 2,0,2 &
+  face 1 0 0 2 0 0 2 0 2 1 0 2  face 1 1 0 1 1 2 2 1 2 2 1 0 &
+  face 1 0 0 1 1 0 2 1 0 2 0 0  face 1 0 2 2 0 2 2 1 2 1 1 2
+prop mat 3 density 2700
+fix range region 1
+cycle 100
+"""
+
+NEW_WORDS = """\
+model new
+block create brick (-1, 2) (-1, 2) (-0.5, 0) group 'ground'
+block create prism face-1 (0,0,0) (1,0,0) (1,1,0) (0,1,0) ...
+  face-2 (0,0,1) (1,0,2) (1,1,2) (0,1,1) group "stones" slot "material"
+BLOCK CREATE brick 1 2 0 1 0 2 group stones
+block fix range group 'ground'
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [(OLD_WORDS, ["region 1", "region 2", "region 2#2"]),
+     (NEW_WORDS, ["ground", "stones", "stones#2"])],
+)  # fmt: skip
+def test_blocks_of_3dec_in_old_and_new_words(tmp_path: Path, text: str, names: list[str]) -> None:
+    path = tmp_path / "wall.dat"
+    path.write_text(text)
+    found = import_geometry(path, supports="lowest", **{**ASKED, "density": 20})
+    assert [block.id for block in found.scene.blocks] == names
+    assert [block.volume for block in found.scene.blocks] == pytest.approx([4.5, 1.5, 2.0])
+    assert len(found.scene.contacts) == 3
+    assert any("these commands are left alone" in note for note in found.notes)
+
+
+# --- digits that are nearly too few ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("shift", "outcome"), [(0.0, ""), (2.0**11, "told"), (2.0**20, "refused")])
+def test_single_precision_is_never_silent(tmp_path: Path, shift: float, outcome: str) -> None:
+    """Neighbouring numbers lie 1e-4 apart at 2 km, and 0.06 at 1000 km; stones are 0.5 wide."""
+    soups = [Block.box(n, low, high) for n, low, high in
+             [("slab", (-1, -1, -0.5), (2, 2, 0)), ("low", (0, 0, 0), (0.5, 0.5, 0.3)),
+              ("top", (0, 0, 0.3), (0.5, 0.5, 0.9))]]  # fmt: skip
+    meshes = [mesh_of(block) for block in soups]
+    for mesh in meshes:
+        mesh.apply_translation((shift, 0, 0))
+    path = tmp_path / "a.stl"
+    path.write_bytes(trimesh.util.concatenate(meshes).export(file_type="stl"))
+    if outcome == "refused":
+        with pytest.raises(InputError, match="numbers cannot tell its blocks apart: along x"):
+            import_geometry(path, supports="lowest", **{**ASKED, "density": 20})
+        return
+    found = import_geometry(path, supports="lowest", **{**ASKED, "density": 20})
+    assert any("numbers are coarse" in note for note in found.notes) == (outcome == "told")
+    assert solve(found.scene).load_factor == pytest.approx(0.5 / 0.9, rel=1e-3)

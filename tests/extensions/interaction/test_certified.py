@@ -376,7 +376,7 @@ def test_walls_where_projections_find_no_dead_state(moments: str) -> None:
 
 
 def test_forces_that_slide_and_twist_get_a_bound_with_its_assumption() -> None:
-    """Sliding uses up all friction, so no share of a dead-load state makes them strictly safe."""
+    """Sliding uses up all friction, so no share of a dead state makes them strictly safe."""
     scene = running_bond((1, 0.3, 0))
     solution = solve(scene, method=Certified(branching_seconds=0.0), moments="signed")
     assert solution.status is Status.CERTIFIED

@@ -378,7 +378,7 @@ def test_more_contacts_than_are_tried_at_a_time(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_proved_bounds_need_no_tolerance() -> None:
-    """Exactly admissible forces, and forces made so by a share of a dead-load state."""
+    """Exactly admissible forces, and forces made so by a share of a dead state."""
     scene, x, factor = good_forces()
     bounds = LowerBounds(scene, INDEPENDENT)
     assert len(bounds.reserves) > 0

@@ -54,8 +54,10 @@ def test_a_path_is_shown_written_and_drawn(run: Run) -> None:
 
 
 def test_a_path_of_a_file_goes_on(run: Run) -> None:
-    code, out, _ = run("wall.json", "--step", "0.08", "--until", "0.1", "--json", "half.json")
+    asked = ["wall.json", "--step", "0.08", "--until", "0.1", "--json", "half.json"]
+    code, out, err = run(*asked, "-v")
     assert code == 0
+    assert re.search(r" w = 0: load factor 0\.2, after \d+ s\n", err)
     assert "reached: the load factor has come down to 0.1" in out
     assert "zero" not in out  # which is not reached
     code, out, _ = run("half.json", "--json", "whole.json")

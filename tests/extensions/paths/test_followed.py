@@ -148,7 +148,9 @@ def test_the_dome_is_followed_to_zero_by_both_rules() -> None:
 
 @pytest.mark.exhaustive
 def test_the_house_corner_is_followed_to_zero_without_dilatancy() -> None:
-    path = pushover(builtin_scene("house-corner"), flow="zero-dilatancy", halvings=0)
+    path = pushover(
+        builtin_scene("house-corner"), flow="zero-dilatancy", halvings=0, certify="none"
+    )
     assert path.status == "zero"
     assert max(shown.residual for shown in path if shown.is_followed) <= 1e-4
     assert path.other_flow is not None

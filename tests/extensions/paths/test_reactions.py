@@ -272,6 +272,36 @@ def test_explicit_steps_know_reactions(
     assert prove(path).is_proved
 
 
+@pytest.mark.exhaustive
+def test_explicit_steps_know_ties_and_where_they_come_apart(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Behind a block on its toe, of 1 m, until it is 0.05 m longer: moments by hand."""
+    monkeypatch.setattr(
+        Walk, "settle", lambda self, _, w: Failed(w, "not-converged", np.ones(len(self.radius)))
+    )
+    wall, anchor = block(), Block.box("anchor", (-1.1, 0, 0), (-1.0, 0.5, 0.9))
+    tie = Tie("anchor", "b1", (-1, 0.25, 0.8), (0, 0.25, 0.8), yield_force=1.0)
+    scene = replace(wall, blocks=(*wall.blocks, anchor), supports=("ground", "anchor"), ties=(tie,))
+    path = pushover(scene, stretch=0.05)
+    assert path.status == "zero"
+    ((torn, name),) = path.failures
+    assert name == "tie anchor-b1"
+    lengths = []
+    for shown, turn in zip(path, turn_of(path), strict=True):
+        arm = turned(turn, np.array([-B, 0.8]))
+        way = np.array([-1.0, 0.8]) - arm - [B, 0.0]
+        lengths.append(float(np.linalg.norm(way)))
+        pull = way / lengths[-1] * (shown.w <= torn)
+        weight = wall.total_weight * 0.5 * np.hypot(B, H)
+        tips = pull[0] * arm[1] - pull[1] * arm[0]
+        exact = on_its_toe(wall, turn) - tips / (weight * np.cos(np.arctan2(B, H) - turn))
+        assert shown.load_factor == pytest.approx(exact, abs=FARTHEST**2)
+    last = int(np.flatnonzero(path.w == torn)[0])
+    assert lengths[last] <= 1.05 < lengths[last + 1]
+    assert prove(path).is_proved
+
+
 @pytest.fixture(scope="module")
 def held() -> Path:
     scene = block(Reaction("b1", (B, 0.25, 0.6), (-1, 0, 0), 1.5, 0.25))

@@ -89,7 +89,7 @@ def test_what_slides_has_no_d0_however_far_its_ground_goes(name, half, flow) -> 
     assert path.slides_away
     assert np.isnan(path.d0)
     assert all(joint in path.reason for joint in joints)
-    assert "ends where a support was drawn to end" in path.reason
+    assert "ends where what it slides on was drawn to end" in path.reason
     refused(path, factor)
 
 

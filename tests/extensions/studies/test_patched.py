@@ -91,15 +91,15 @@ def test_loads_given_as_such_and_friction_of_its_own() -> None:
 def test_neither_processes_nor_stored_rows_matter(tmp_path: Path) -> None:
     """Two workers, and a folder that was interrupted; every stored row is proved from its forces
     and mechanism."""
-    scene, rows = builtin_scene("tuff-wall"), rows_of(7, 40)
+    scene, rows = builtin_scene("tuff-wall"), rows_of(7, 16)
     here = sweep(scene, rows, progress=False)
     overlaps(here, alone(scene, rows))
     with ProcessPoolExecutor(2) as pool:
         overlaps(sweep(scene, rows, executor=pool, progress=False), here)
         folder = tmp_path / "s"
-        sweep(scene, rows[:25], path=folder, progress=False)
+        sweep(scene, rows[:10], path=folder, progress=False)
         whole = sweep(scene, rows, path=folder, executor=pool, progress=False)
-    assert whole.attrs["found"] == 25
+    assert whole.attrs["found"] == 10
     overlaps(whole, here)
     assert prove(folder).is_proved
 

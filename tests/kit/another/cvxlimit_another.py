@@ -16,7 +16,6 @@ class Dozen(Method):
 
     name = "dozen"
     answers = "the load factor on the safe side, with twelve facets"
-    axis = ""
     takes = ()
 
     def steps(self, run):

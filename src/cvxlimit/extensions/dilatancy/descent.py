@@ -50,6 +50,10 @@ on: those that end at a solution take two to seven, others hardly change from th
 SETTLED = 1e-10
 """Residual below which a solution is as good as exact."""
 
+AMPLIFIED = 10.0
+"""How many times the angle of friction to slip the load factor may be off, where a solution is
+settled: 2 on a wedge in a groove of 60 degrees, one over the sine of half of it on others."""
+
 HIGHER = 1.003
 """Factor on a mechanism's dilations at which forces on it are its lowest."""
 
@@ -72,7 +76,7 @@ class Descent:
         self.run, self.tolerance = run, tolerance
         self.pair = Pair(run, associated)
         with run.clock.phase("certify"):
-            self.verifier = Verifier(run, associated.certifier, self.pair.slip)
+            self.verifier = Verifier(run, associated.certifier, self.pair.slip, self.pair.has_cones)
         self.solutions: list[Found] = []
         self.smallest, self.begun, self.until = np.inf, 0, 0
 
@@ -170,20 +174,23 @@ class Descent:
             state = self.forces(dilation, limit, tolerance)
         return state
 
-    def settled(self, found: Found, limit: float) -> Found:
-        """Returns the solution next to one found whose residual is next to nothing, in place of
-        that one, or the same where the descent does not lead to it. A residual may be friction at
-        an angle to slip, by its root: so much higher may the load factor be."""
+    def settled(self, found: Found, limit: float, iterates: int = 0) -> Found:
+        """Returns the solution next to one found below a ``limit`` whose friction opposes slip to
+        next to nothing, in place of that one, or the same where no descent leads to it. The load
+        factor may rise with it: by the angle, or by more, at first up to the limit; but that may
+        be all that holds friction at an angle, so that it is then left out."""
         factor, residual = found.member.load_factor, found.member.complementarity
-        if residual <= SETTLED or not self.pair.has_cones:
+        if found.member.is_settled or not self.pair.has_cones:
             return found
-        limit = min(limit, factor + np.sqrt(2.0 * residual) * self.run.scaling.unit(factor))
-        forces = self.forces(self.dilation(found.state), limit, EXACT * SETTLED)
-        finer = self.solution(found.member.start, forces, limit, SETTLED)
-        if finer is None:
-            return found
-        self.solutions.remove(found)
-        return finer
+        angle = np.sqrt(2.0 * residual) * self.run.scaling.unit(factor)
+        near, above = factor + angle, factor + AMPLIFIED * angle
+        for most in dict.fromkeys((min(limit, near), min(limit, above), above)):
+            forces = self.forces(self.dilation(found.state), most, EXACT * SETTLED)
+            finer = self.solution(found.member.start, forces, most, SETTLED, iterates)
+            if finer is not None:
+                self.solutions.remove(found)
+                return finer
+        return found
 
     def lowered(self, found: Found, least: float) -> Found:
         """Returns the lowest forces on a solution's mechanism, then those on a mechanism of these

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cvxlimit.extensions.dilatancy.tresca import HeldFlow
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
-from cvxlimit.model.flow import corner_openings
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.flow import corner_openings
+from cvxlimit.proof.tresca import HeldFlow
 from cvxlimit.solution import Member
 from cvxlimit.solvers import LimitState
 from cvxlimit.surfaces.coulomb import needed_surfaces
@@ -21,12 +21,16 @@ class Verifier:
     with friction held at the forces' own compressions: joints slide without opening, and stone
     crushes, mortar tears and ties yield as that rule has it. What friction, cohesion and strength
     take up of power is known from the rates, and forces must do it, contact by contact: what they
-    lack adds up to the loss of :mod:`~cvxlimit.extensions.dilatancy.pair`.
+    lack adds up to the loss of :mod:`~cvxlimit.extensions.dilatancy.pair`. Where friction
+    ``has_cones`` it may lie at an angle to the slip, which is told: it costs the square of the
+    angle only.
     """
 
     def __init__(
-        self, run: Run, certifier: Certifier | None = None, slip: HeldFlow | None = None
-    ) -> None:
+        self, run: Run, certifier: Certifier | None = None, slip: HeldFlow | None = None,
+        has_cones: bool = True,
+    ) -> None:  # fmt: skip
+        self.has_cones = has_cones
         self.statics, self.contacts = run.assemblage.statics, run.assemblage.contacts
         self.least = run.scaling.least
         surfaces = needed_surfaces(run.surfaces)
@@ -59,7 +63,8 @@ class Verifier:
         # where blocks penetrate is lost by itself: friction that slips the wrong way would make up
         # for it, and blocks that wedge each other press so hard that little of either tells.
         shortfall, pressed = self.slip.shortfall(rates), forces[:, COLUMN["N"]]
-        taken = self.slip.dilatancy(shortfall) * pressed + shortfall.by_contact
+        friction = self.slip.dilatancy(shortfall) * pressed
+        taken = friction + shortfall.by_contact
         closed = np.abs(pressed) * np.maximum(shortfall.missing, 0.0)
         lost = float((np.abs((forces * rates).sum(axis=1) + taken) + closed).sum())
         # Flow: rates that no condition resists, or missing openings, over the largest rate.
@@ -77,4 +82,10 @@ class Verifier:
             complementarity=lost / max(abs(alpha), self.least),
             forces=forces,
             mechanism=mechanism,
+            angle=_angle(lost, float(friction.sum())) if self.has_cones else 0.0,
         )
+
+
+def _angle(lost: float, friction: float) -> float:
+    """Returns the angle to the slip at which friction that could do so much power loses some."""
+    return float(np.arccos(1.0 - min(lost / friction, 1.0))) if friction > 0.0 else 0.0

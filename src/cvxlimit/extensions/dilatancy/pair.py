@@ -34,7 +34,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.extensions.dilatancy.tresca import HeldFlow, HeldFormulation, tresca
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.convex import ConvexSearch
 from cvxlimit.methods.driver import Run
@@ -42,7 +41,8 @@ from cvxlimit.model.formulations import corner_compressions, times
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.reductions.choice import Reductions, contacts_of
+from cvxlimit.proof.tresca import HeldFlow, HeldFormulation, tresca
+from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solvers import LimitState, SolverSettings, ladder_for
 from cvxlimit.surfaces.coulomb import needed_surfaces
 
@@ -103,17 +103,11 @@ class Reduced:
         # Unloaded parts may be left out only if a state of theirs carries their dead load.
         if reductions.loaded is not None:
             own = search.certifier if search else Certifier(reductions.assemblage, self.surfaces)
-            state = own.witnesses.easy_dead_state
+            state = own.references.easy_dead_state
         self.reduction = reductions.best(state)
-        # Which contacts are left, by the reductions that were chosen.
-        n, names = len(run.contacts), self.reduction.names
-        is_kept = np.ones(n, dtype=bool)
-        if "parts" in names and reductions.loaded is not None:
-            is_kept = contacts_of(run.assemblage.statics, reductions.loaded)
-        if reductions.mirror is not None:
-            is_kept = is_kept & (np.arange(n) <= reductions.mirror.contacts)
         # Compressions of all contacts from those: the rows and columns of N in the map of forces.
-        self.kept, lift, at = np.flatnonzero(is_kept), self.reduction.forces, COLUMN["N"]
+        n, lift, at = len(run.contacts), self.reduction.forces, COLUMN["N"]
+        self.kept = self.reduction.kept
         each = slice(at, None, len(COMPONENTS))
         self.lift = sp.eye_array(n, format="csr") if lift is None else lift[each][:, each].tocsr()
 

@@ -9,10 +9,11 @@ import numpy as np
 
 from cvxlimit.base.arrays import SMALL
 from cvxlimit.errors import ModelError
-from cvxlimit.extensions.dilatancy.least_thrust import affordable, excluded_without_end, is_covered
 from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.driver import Run
-from cvxlimit.solution import Member, Status
+from cvxlimit.methods.least_thrust import affordable
+from cvxlimit.solution import Member
+from cvxlimit.solution.bracket import Evidence
 from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
 
 _TRIES, _SEARCHED = 50, 5
@@ -20,29 +21,22 @@ _TRIES, _SEARCHED = 50, 5
 take: five times what those need in scenes of some ten joints."""
 
 
-def without_dilatancy(run: Run, start: float) -> Status:
-    """Whether the live load does harm without dilatancy at a load factor above ``start``, with what
-    shows it in the run's best answer: forces that prove that it does none, or a solution that
-    slides, and the load factor below which there is none.
+def slides_without_dilatancy(
+    run: Run, start: float, safe: float
+) -> tuple[Dilatancy, Evidence] | None:
+    """The lowest solution without dilatancy above the load factor ``start`` that is found, with the
+    joints that slide in it, and its evidence; None if none is. Below ``safe`` there is none.
 
-    Proof and search end after numbers of problems that go with the number of joints. The search
-    ends early at a solution that is nearly proved to be the lowest.
+    The search ends after numbers of problems that go with the number of joints, and early at a
+    solution that is nearly proved to be the lowest.
     """
-    if not is_covered(run):
-        return Status.UNBOUNDED
-    run.tell("bounding solutions without dilatancy from below")
-    bound = excluded_without_end(run, start, affordable(run))
-    if np.isinf(bound.load_factor):
-        run.best = replace(run.best, forces=bound.forces, dilatancy=None)
-        return Status.LIVE_LOAD_HARMLESS
-    safe = bound.load_factor if bound.load_factor > start else 0.0
-    known, lowest = Dilatancy(np.inf, safe=safe), _lowest(run, start, safe)
-    if lowest is not None:
-        relative = run.assemblage.statics.relative_rates(lowest.mechanism)
-        joints = sliding_joints(run.scene, relative, lowest.mechanism)
-        known = Dilatancy(np.inf, *joints, safe, lowest.load_factor)
-    run.best = replace(run.best, dilatancy=known)
-    return Status.UNBOUNDED
+    lowest = _lowest(run, start, safe)
+    if lowest is None:
+        return None
+    relative = run.assemblage.statics.relative_rates(lowest.mechanism)
+    joints = sliding_joints(run.scene, relative, lowest.mechanism)
+    by = Evidence(lowest.load_factor, lowest.forces, lowest.mechanism)
+    return Dilatancy(np.inf, *joints, safe, lowest.load_factor), by
 
 
 def _lowest(run: Run, start: float, safe: float) -> Member | None:

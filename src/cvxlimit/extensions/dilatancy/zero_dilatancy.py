@@ -25,15 +25,16 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, ratio
-from cvxlimit.extensions.dilatancy.agreement import remarks
 from cvxlimit.extensions.dilatancy.descent import ITERATES, ROUGH, Descent, Found
-from cvxlimit.extensions.dilatancy.least_thrust import affordable, is_covered, lower_bound
+from cvxlimit.extensions.dilatancy.remarks import remarks
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import ConvexSearch, standing
 from cvxlimit.methods.driver import Method, Run, Steps
+from cvxlimit.methods.least_thrust import affordable, is_covered, lower_bound
 from cvxlimit.reductions.explaining import BUDGET, searches_in_time
 from cvxlimit.solution import Search, Status
-from cvxlimit.solution.bracket import rounded
+from cvxlimit.solution.bracket import Evidence, rounded
+from cvxlimit.solution.records import APART
 from cvxlimit.solvers import LimitState
 
 RANDOM, FRESH = (120.0, 20.0, 4.0), 0.25
@@ -41,7 +42,7 @@ RANDOM, FRESH = (120.0, 20.0, 4.0), 0.25
 does power 1, each of which finds solutions that the others do not; and the share of tries from
 them. The others start from the lowest solution: changes of that alone stay in its neighbourhood."""
 
-LEAST, FIRST, LARGEST = 1e-3, 0.1, 0.3
+LEAST, FIRST, LARGEST = APART, 0.1, 0.3
 NARROWER, WIDER = 0.75, 1.5
 """Gap of the limit below the lowest solution, over its load factor: the least, the first and the
 largest one, and what a failure and a hit make of it. They were chosen on random walls
@@ -128,7 +129,11 @@ class _Searches:
         ]
         bound = aside.best.bracket
         if np.isfinite(bound.upper):
-            run.best = Answer(bracket=run.best.bracket.lowered(bound.upper, bound.upper_is_proved))
+            found = aside.best
+            by = Evidence(found.load_factor, found.forces, found.mechanism, found.internal,
+                          found.reference)  # fmt: skip
+            bracket = run.best.bracket.lowered(bound.upper, bound.upper_is_proved)
+            run.best = Answer(bracket=bracket, beside={"associated": by})
         self.descent.begin(self.rule.budget)
         first = None if aside.best.mechanism is None else self._first(aside.best.mechanism)
         self._report()
@@ -156,7 +161,7 @@ class _Searches:
         if found is None and not descent.pair.has_cones:
             state = descent.pair.rotated(begun, descent.left, aim)
             found = descent.solution("rotated cones", state, limit, aim)
-        return None if found is None else descent.settled(found, limit)
+        return None if found is None else descent.settled(found, limit, ITERATES)
 
     def _bound_from_below(self) -> None:
         """Raises the run's lower bound by what least thrusts prove of all solutions. This may take
@@ -172,7 +177,8 @@ class _Searches:
         bound = lower_bound(run, lowest, known, max(affordable(run), len(run.history)))
         if bound.load_factor > 0.0:
             bracket = run.best.bracket.raised(bound.load_factor, True)
-            run.best = replace(run.best, bracket=bracket)
+            beside = {**run.best.beside, **bound.evidence}
+            run.best = replace(run.best, bracket=bracket, beside=beside)
         self._report()
 
     def _searched(self, seed: int, first: Found | None) -> Steps:
@@ -198,12 +204,15 @@ class _Searches:
             found = descent.solution(label, state, limit, descent.aim(gap))
             # After a hit lower forces on its mechanism, and a limit further down; after a failure
             # one nearer by, and from the least gap on all over again.
-            if found is None:
+            # A hit is settled before it counts: friction at an angle to slip can feign one.
+            lower = None if found is None else descent.settled(found, limit)
+            is_gain = lower is not None and (lowest is None or _rank(lower) < _rank(lowest))
+            if lower is None or not is_gain:
                 gap = gap * NARROWER if gap > LEAST else FIRST
             else:
                 gap = min(gap * WIDER, LARGEST)
-                lowest = descent.lowered(descent.settled(found, limit), LEAST)
-            self._record(seed, lowest, found is not None)
+                lowest = descent.settled(descent.lowered(lower, LEAST), limit)
+            self._record(seed, lowest, is_gain)
             yield
         return Status.CONVERGED
 
@@ -240,15 +249,23 @@ class _Searches:
 
     def _report(self) -> None:
         """Writes the answer and the remarks of the run as they are now."""
-        run, solutions, bracket = self.run, self.descent.solutions, self.run.best.bracket
+        run, bracket = self.run, self.run.best.bracket
+        # Those whose friction is at an angle to slip count only where there are no others.
+        every = self.descent.solutions
+        solutions = [found for found in every if found.member.is_settled] or every
         members = sorted((found.member for found in solutions), key=lambda m: m.load_factor)
         run.best = replace(run.best, searches=tuple(self.done))
         if members:
-            best, state = min(solutions, key=lambda found: found.member.load_factor)
+            best, state = min(solutions, key=_rank)
             internal = state.internal if self.descent.verifier.strength.is_internal else None
             run.best = Answer(
                 best.load_factor, bracket, best.forces, best.mechanism, tuple(members),
-                internal=internal, searches=tuple(self.done),
+                internal=internal, searches=tuple(self.done), beside=run.best.beside,
             )  # fmt: skip
         smallest, near = self.descent.smallest, self.rule.tolerance * bracket.unit
         run.remarks = remarks(members, bracket, self.done, smallest, near)
+
+
+def _rank(found: Found) -> tuple[bool, float]:
+    """Returns what solutions are compared by: settled ones first, then low ones."""
+    return not found.member.is_settled, found.member.load_factor

@@ -3,7 +3,7 @@
 Its doors are ``cvxlimit.commands`` (``shake``), ``cvxlimit.writers`` (``.mjcf``) and
 ``cvxlimit.readings``. To read: ``record.py``, the acceleration; ``convex.py``, blocks in convex
 pieces; ``mjcf.py``, the scene as MuJoCo takes it; ``history.py``, one run; ``shaking.py``, the call
-and what its runs agree on; ``pictures.py`` and ``command.py``.
+and how its runs end; ``pictures.py`` and ``command.py``.
 """
 
 from cvxlimit.base.doors import Offered

@@ -10,7 +10,8 @@ from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import Command, named_block, vector
-from cvxlimit.cli.report import ExitCode, facts, files_asked, refuse, show, write_rows
+from cvxlimit.cli.report import facts, files_asked, write_rows
+from cvxlimit.cli.shell import ExitCode, complain, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.dynamics.record import Record, pulse, read_record
@@ -91,6 +92,8 @@ class ShakeCommand(Command):
                 step=self.step, progress=tell,
             )  # fmt: skip
 
+        if record.doubt and self.record is not None:
+            complain(f"{self.record}: {record.doubt}")
         shaking = interruptible(shaken)
         write_rows(self.csv, shaking.to_dataframe())
         if self.plot is not None:
@@ -101,8 +104,9 @@ class ShakeCommand(Command):
             ("scene", shaking.scene.name),
             ("record", f"{record.name}, largest {record.largest:.4g} m/s2, {record.duration:g} s"),
             ("in short", shaking.headline),
-            ("note", "a value is that of the best run, with all in parentheses; nothing is proved"),
-        ]
+            ("note", "values are of the best run; how far runs spread is no interval; the end is "
+             "off by up to a tenth of the way to and fro; nothing is proved"),
+        ]  # fmt: skip
         show(facts([*rows, *written]), Text(), _table(shaking))
         if shaking.falls is None:
             return refuse(ExitCode.NOT_GOOD_ENOUGH, shaking.headline)

@@ -10,13 +10,8 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import GeometryError
 from cvxlimit.geometry.blocks import Block
-from cvxlimit.geometry.mesh import polygon_vectors
+from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, polygon_vectors
 from cvxlimit.geometry.penetration import Body
-
-NOTHING = 1e-6
-"""What counts as nothing beside a whole, well above rounding: a share of a block's volume, which
-the hull of a piece may add; of the largest triangle's area, below which one has no plane; of a
-piece's size, by which corners may lie above a plane."""
 
 MOST = 64
 """Pieces of a block: with more of them, every joint has more contacts than an engine takes well."""
@@ -47,7 +42,7 @@ def convex_pieces(block: Block) -> list[FloatArray]:
     if block.is_convex:
         return [block.vertices]
     body = Body.of(block, block.centroid)
-    allowed = NOTHING * block.volume
+    allowed = RELATIVE_TOLERANCE * block.volume
     waiting, done = [*body.manifold.decompose()], list[FloatArray]()
     while waiting:
         piece = waiting.pop()
@@ -89,11 +84,11 @@ def _planes(piece: manifold3d.Manifold) -> list[tuple[tuple[float, ...], float]]
     triangles = corners[np.asarray(shell.tri_verts, dtype=np.int64)]
     vectors = polygon_vectors(triangles)
     area = np.linalg.norm(vectors, axis=1)
-    kept = area > NOTHING * area.max()
+    kept = area > RELATIVE_TOLERANCE * area.max()
     normals = vectors[kept] / area[kept, None]
     offsets = np.einsum("tk,tk->t", normals, triangles[kept].mean(axis=1))
     above = (normals @ corners.T - offsets[:, None]).max(axis=1)
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    found = np.column_stack([normals, offsets / size])[above > NOTHING * size]
+    found = np.column_stack([normals, offsets / size])[above > RELATIVE_TOLERANCE * size]
     _, first = np.unique(found.round(6), axis=0, return_index=True)
     return [(tuple(row[:3].tolist()), float(row[3] * size)) for row in found[np.sort(first)]]

@@ -12,6 +12,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector
 from cvxlimit.errors import InputError, SolverError
 from cvxlimit.extensions.dynamics.record import Record
+from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.results.movement import rotation
 from cvxlimit.scene import Scene
 
@@ -19,9 +20,6 @@ Ending = Literal["falls", "stands", "moves"]
 
 REST = 1e-3
 """Speed of corners, over the root of size times g, below which a block is at rest."""
-
-DEEP = 1e-2
-"""How deep blocks may be in each other at the start, over the size of the smallest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +88,7 @@ class Motion:
             return
         worst, smallest = int(np.argmin(contact.dist)), min(block.size for block in self.blocks)
         depth = -float(contact.dist[worst]) / self.length
-        if depth > DEEP * smallest:
+        if depth > JOINT_TOLERANCE * smallest:
             a, b = (
                 scene.blocks[int(self.model.geom_bodyid[g]) - 1].id for g in contact.geom[worst]
             )

@@ -10,11 +10,11 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import positive
+from cvxlimit.base.lines import one_line
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.dynamics.convex import convex_pieces
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import second_moments
-from cvxlimit.io.fields import one_line
 from cvxlimit.scene import METRES, Scene
 from cvxlimit.scene.units import KILONEWTONS, G
 

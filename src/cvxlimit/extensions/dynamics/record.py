@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,6 +23,11 @@ Shape = Literal["rectangle", "half-sine", "sine"]
 
 ACCELERATIONS = {f"{name}/s2": metre for name, metre in METRES.items()} | {"gal": 0.01}
 """Units of acceleration beside g, in m/s2."""
+
+RECORDED, FELT = 40.22, 0.01
+"""Largest acceleration of the ground that was recorded (m/s2; 4,022 gal, the three components
+together, Iwate-Miyagi 2008), and one that nobody feels (1 gal): records outside are in another unit
+than was said, as a rule."""
 
 PIECES = 1000
 """Straight pieces of a pulse. The area of half a sine is short by pi^2 / (12 n^2) of itself with n
@@ -79,7 +85,8 @@ class Record(ReadOnlyArrays):
             )
 
     def __repr__(self) -> str:
-        return f"Record({self.name!r}: {self.duration:g} s, largest {self.largest:g} m/s2)"
+        doubt = f"; {self.doubt}" if self.doubt else ""
+        return f"Record({self.name!r}: {self.duration:g} s, largest {self.largest:g} m/s2{doubt})"
 
     @property
     def duration(self) -> float:
@@ -90,6 +97,22 @@ class Record(ReadOnlyArrays):
     def largest(self) -> float:
         """Largest acceleration, m/s2."""
         return float(np.abs(self.acceleration).max())
+
+    @property
+    def doubt(self) -> str:
+        """A question after the unit, where no ground moves like this; else empty.
+
+        >>> Record([0.0, 1.0], [300.0 * G, 0.0]).doubt
+        'the largest acceleration is 300 g, and the largest recorded on earth is 4.1 g: is the \
+record in gal?'
+        """
+        if self.largest > RECORDED:
+            told = f"the largest recorded on earth is {RECORDED / G:.1f} g: is the record in gal?"
+        elif 0.0 < self.largest < FELT:
+            told = "nobody feels less than 0.001 g: is the record in g?"
+        else:
+            return ""
+        return f"the largest acceleration is {self.largest / G:.3g} g, and {told}"
 
     def scaled(self, factor: float) -> Record:
         """The record with accelerations times a factor."""
@@ -158,7 +181,8 @@ def pulse(shape: Shape, amplitude: float, duration: float, unit: str = "g") -> R
 def read_record(path: str | os.PathLike[str], unit: str, scale: float = 1.0) -> Record:
     """A record from a table of time (s) and acceleration, two columns with or without a header.
 
-    Columns are parted by commas, semicolons, tabs or spaces; decimals have a point.
+    Columns are parted by commas, semicolons, tabs or spaces; decimals have a point. A unit of
+    acceleration in the header must be the one that is given: ``t (s), a (gal)``.
 
     Parameters
     ----------
@@ -171,7 +195,7 @@ def read_record(path: str | os.PathLike[str], unit: str, scale: float = 1.0) -> 
     Raises
     ------
     InputError
-        If the file cannot be read, or a row is not two numbers.
+        If the file cannot be read, a row is not two numbers, or the header has another unit.
 
     Example
     -------
@@ -198,7 +222,8 @@ def read_record(path: str | os.PathLike[str], unit: str, scale: float = 1.0) -> 
             time, acceleration = (float(cell) for cell in cells)
         except ValueError as error:
             if not rows and not any(_is_number(cell) for cell in cells):
-                continue  # a header
+                _check_header(path, line, unit)
+                continue
             raise InputError(
                 f"{file_prefix(path)}line {number} must be two numbers, time in s and acceleration "
                 f"in {unit}, with decimal points, got {line!r:.60}"
@@ -209,6 +234,32 @@ def read_record(path: str | os.PathLike[str], unit: str, scale: float = 1.0) -> 
     table = np.array(rows)
     record = Record(table[:, 0], factor * table[:, 1], name)
     return record if scale == 1.0 else record.scaled(scale)
+
+
+_UNIT = re.compile(
+    r"(?<!\w)((?:mm|cm|dm|km|m|in|ft)\s*(?:/\s*s(?:ec)?\s*(?:2|²|\^2|\*\*2|/\s*s(?:ec)?)"
+    r"|[*·. ]?\s*s(?:\^?[-−]2|⁻²))|gals?|%\s*g|m?g)(?!\w)",
+    re.IGNORECASE,
+)
+"""Units of acceleration in a header, whatever is about them: ``a (cm/s^2)``, ``Acc[gal]``."""
+
+
+def _check_header(path: str | os.PathLike[str], line: str, unit: str) -> None:
+    """Refuses a header that has units of acceleration, and not the one given."""
+    said = dict.fromkeys(_UNIT.findall(line))
+    if said and _plain(unit) not in map(_plain, said):
+        raise InputError(
+            f"{file_prefix(path)}the header says {' and '.join(said)}, and the unit given is "
+            f"{unit!r}: one of {', '.join(['g', *ACCELERATIONS])} is to be given as the file has "
+            "it, others with a factor"
+        )
+
+
+def _plain(unit: str) -> str:
+    """A unit of acceleration, however it is spelt: ``cm/s2``."""
+    text = re.sub(r"\s|\^|\*\*", "", unit.lower()).replace("sec", "s").replace("²", "2")
+    text = re.sub(r"[*·.]?s(?:[-−]2|⁻2)$", "/s2", text).replace("s/s", "s2")
+    return "cm/s2" if text in ("gal", "gals") else text
 
 
 def _is_number(text: str) -> bool:

@@ -1,10 +1,11 @@
-"""Geometry files read as scenes: OBJ, STL, PLY, glTF, OFF, DXF, COMPAS assemblies, tables of boxes.
+"""Geometry files read as scenes: OBJ, STL, PLY, glTF, OFF, DXF, COMPAS, 3DEC, tables of boxes.
 
 Its doors are ``cvxlimit.readers`` (formats, by suffix), ``cvxlimit.commands`` (``import``),
 ``cvxlimit.files`` and ``cvxlimit.readings``. To read: ``reading.py``, from files to a scene;
 ``bodies.py``, what a reader returns; ``obj.py``, ``off.py``, ``tables.py``, ``dxf.py``,
-``meshes.py`` and ``compas.py``, the formats; ``sheets.py``, ``digits.py`` and ``supports.py``, what
-is made of bodies; ``compas_results.py``, the way back; ``command.py``.
+``gltf.py``, ``meshes.py``, ``threedec.py`` and ``compas.py``, the formats; ``sheets.py``,
+``digits.py`` and ``supports.py``, what is made of bodies; ``compas_results.py``, the way back;
+``command.py``.
 """
 
 from cvxlimit.base.doors import Offered
@@ -22,9 +23,9 @@ OFFERED: Offered = {
         ".csv": "cvxlimit.extensions.importing.tables:read_table",
         ".off": "cvxlimit.extensions.importing.off:read_off",
         ".dxf": "cvxlimit.extensions.importing.dxf:read_dxf",
-        **dict.fromkeys(
-            (".stl", ".ply", ".glb", ".gltf"), "cvxlimit.extensions.importing.meshes:read_mesh"
-        ),
+        **dict.fromkeys((".dat", ".3ddat"), "cvxlimit.extensions.importing.threedec:read_threedec"),
+        **dict.fromkeys((".stl", ".ply"), "cvxlimit.extensions.importing.meshes:read_mesh"),
+        **dict.fromkeys((".glb", ".gltf"), "cvxlimit.extensions.importing.gltf:read_gltf"),
     },
     "cvxlimit.readings": {
         "scene_from_compas": "cvxlimit.extensions.importing.reading:of_compas",

@@ -12,11 +12,22 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.lines import one_line
 from cvxlimit.errors import InputError
-from cvxlimit.geometry.mesh import RELATIVE_TOLERANCE, EdgeTable, Faces, flipped, linked
+from cvxlimit.extensions.importing.steps import step_of
+from cvxlimit.geometry.mesh import (
+    RELATIVE_TOLERANCE,
+    SLIVER,
+    EdgeTable,
+    Faces,
+    area_vectors,
+    flipped,
+    linked,
+    with_corners_on,
+)
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.geometry.shells import Shells, by_shell, nested, volumes
-from cvxlimit.io.fields import decoded, one_line, read_bytes
+from cvxlimit.io.fields import LARGEST_NUMBER, decoded, read_bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,29 +104,137 @@ def separated(body: Body) -> list[Body]:
     Faces belong together when they bound the same material, however they are turned: at an edge of
     two faces always, at an edge of four (two bricks that share it) those on either side of a wedge
     of stone. A shell within another is its cavity and stays with it, if their faces go round in
-    opposite ways. Shells that are not closed stay together, for a repair to try.
+    opposite ways. Shells that are not closed stay together, for a repair to try, and slivers with
+    what they lie on.
     """
     if body.is_box or not len(body.faces):
         return [body]
-    if min(map(len, body.faces)) < 3 or not np.isfinite(body.vertices).all():
+    if min(map(len, body.faces)) < 3 or not (np.abs(body.vertices) <= LARGEST_NUMBER).all():
         return [body]  # whoever builds the block says what is wrong
     if _is_one_shell(body.faces):
         return [body]
-    points, place = np.unique(body.vertices + 0.0, axis=0, return_inverse=True)
-    place = np.asarray(place).reshape(-1)
     try:
-        faces = tuple(tuple(place[list(face)].tolist()) for face in body.faces)
+        points, faces = _as_one_point(body)
     except IndexError:
         return [body]
-    found = Shells.of(points, faces, EdgeTable.of(faces))
-    label = _with_cavities_joined(points, faces, found)
-    label = _with_sheets_apart(points, faces, label, found.closed)
+    wide = np.array([len(set(face)) > 2 for face in faces])
+    if not wide.any():
+        return [body]
+    # Three corners that are each half a step off lie less than two steps off a line.
+    blur = 2.0 * step_of(body.vertices)
+    thick = wide & _has_area(points, faces, blur)
+    if not thick.any():
+        return [body]
+    wide, (some, found) = _told_apart(points, faces, wide, thick, blur)
+    listed = [body.faces[i] for i in np.flatnonzero(wide).tolist()]
+    label = np.full(len(faces), -1)
+    own = _with_cavities_joined(points, some, found, listed)
+    label[wide] = _with_sheets_apart(points, some, own, found.closed)
+    label = _with_slivers_joined(points, faces, label)
     numbers, first = np.unique(label, return_index=True)
+    if not wide.all():  # they keep two corners, and are counted among the repairs of their stone
+        rows = zip(body.faces, wide.tolist(), strict=True)
+        body = replace(body, faces=[f if is_wide else (f[0], f[1], f[0]) for f, is_wide in rows])
     if len(numbers) == 1:
         return [body]
     name = f"{body.name}." if body.name else "b"
     members = [np.flatnonzero(label == number) for number in numbers[np.argsort(first)]]
     return [_part(body, faces, f"{name}{i}") for i, faces in enumerate(members, 1)]
+
+
+def _as_one_point(body: Body) -> tuple[FloatArray, Faces]:
+    """Points and faces with corners that are the same to rounding as one, for what hangs together:
+    two stones that share a face stay two where one has a corner twice, a hair apart."""
+    points, place = np.unique(body.vertices + 0.0, axis=0, return_inverse=True)
+    place = np.asarray(place).reshape(-1)
+    loops = [place[list(face)] for face in body.faces]
+    near = RELATIVE_TOLERANCE * _size(points, loops)
+    pairs = cKDTree(points).query_pairs(near, output_type="ndarray")
+    if len(pairs):
+        label = linked(len(points), *pairs.T)
+        _, first, number = np.unique(label, return_index=True, return_inverse=True)
+        points, number = points[first], np.asarray(number).reshape(-1)
+        loops = [number[loop] for loop in loops]
+    faces = (loop[loop != np.roll(loop, 1)] for loop in loops)
+    whole = zip(faces, loops, strict=True)
+    return points, tuple(tuple((face if len(face) else loop[:1]).tolist()) for face, loop in whole)
+
+
+def _shells_among(
+    points: FloatArray, faces: Faces, chosen: BoolArray, blur: float
+) -> tuple[Faces, Shells]:
+    some = tuple(faces[i] for i in np.flatnonzero(chosen).tolist())
+    return some, Shells.of(points, some, EdgeTable.of(some), blur)
+
+
+def _told_apart(
+    points: FloatArray, faces: Faces, wide: BoolArray, thick: BoolArray, blur: float
+) -> tuple[BoolArray, tuple[Faces, Shells]]:
+    """The faces that count, and their shells: those that close, if there are any.
+
+    Faces without area go: which way they look is rounding, and leads from one stone to the next.
+    Where edges are cut on one side only, as two stones at the same place may have them, they are
+    cut on both.
+    """
+    some = tuple(faces[i] for i in np.flatnonzero(thick).tolist())
+    within = max(RELATIVE_TOLERANCE * _size(points, some), blur)
+    table, used = EdgeTable.of(some), np.unique(np.concatenate(some))
+    cut, joined = with_corners_on(np.arange(len(table.key)), used, within, points, table, some)
+    found = thick, (cut, Shells.of(points, cut, EdgeTable.of(cut), blur))
+    for other in [thick] * (joined > 0) + [wide] * (not thick[wide].all()):
+        if found[1][1].closed.all():
+            break
+        found = other, _shells_among(points, faces, other, blur)
+    return found
+
+
+def _size(points: FloatArray, faces: Faces | list[IntArray]) -> float:
+    """Of a face in the middle (length)."""
+    return float(np.median([np.linalg.norm(np.ptp(points[list(f)], axis=0)) for f in faces]))
+
+
+def _has_area(points: FloatArray, faces: Faces, blur: float) -> BoolArray:
+    """False (f,) for faces that are wider than rounding, or the ``blur`` of corners, nowhere."""
+    areas = np.linalg.norm(area_vectors(points, faces), axis=1)
+    long = np.array([np.ptp(points[list(face)], axis=0).max() for face in faces])
+    return np.asarray(areas > np.maximum(RELATIVE_TOLERANCE * long, 0.5 * blur) * long)
+
+
+def _with_slivers_joined(points: FloatArray, faces: Faces, label: IntArray) -> IntArray:
+    """Slivers as what they lie on: triangles of two corners (label -1), and faces from both sides
+    that close by themselves, where an edge of next to no length has been cut off."""
+    ends = np.cumsum([len(face) for face in faces])
+    corner, owner = (
+        np.concatenate(faces),
+        np.repeat(np.arange(len(faces)), np.diff(ends, prepend=0)),
+    )
+    numbers = np.unique(label).tolist()
+    thin = {
+        number
+        for number in numbers
+        if number < 0 or _is_sliver(points[np.unique(corner[label[owner] == number])])
+    }
+    is_thin = np.isin(label, list(thin))
+    if not thin or is_thin.all():
+        return label
+    # What has most of its corners, or else the corner that is nearest.
+    stones = np.flatnonzero(~is_thin[owner])
+    tree, result = cKDTree(points[corner[stones]]), label.copy()
+    for number in thin:
+        rows = np.flatnonzero(label == number)
+        for some in [rows] if number >= 0 else rows[:, None]:  # each of two corners by itself
+            own = np.unique(np.concatenate([faces[i] for i in some.tolist()]))
+            shared = stones[np.isin(corner[stones], own)]
+            pairs = np.unique(np.stack([label[owner[shared]], corner[shared]]), axis=1)
+            nearest = label[owner[stones[tree.query(points[own].mean(axis=0))[1]]]]
+            result[some] = np.bincount(pairs[0]).argmax() if pairs.size else nearest
+    return result
+
+
+def _is_sliver(points: FloatArray) -> bool:
+    """True for points in a plane, to rounding, that are a thousand times as long as wide."""
+    sides = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(sides[1] <= SLIVER * sides[0] and sides[-1] <= RELATIVE_TOLERANCE * sides[0])
 
 
 def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
@@ -130,16 +249,22 @@ def _part(body: Body, faces: IntArray, name: str) -> Body:
     return replace(body, name=name, vertices=vertices, faces=own)
 
 
-def _with_cavities_joined(points: FloatArray, faces: Faces, found: Shells) -> IntArray:
+def _with_cavities_joined(
+    points: FloatArray, faces: Faces, found: Shells, listed: Sequence[Sequence[int]]
+) -> IntArray:
     """Shells by number, cavities as what they lie in. Faces that a program listed twice, or once
-    from either side, are no second body."""
+    from either side, are no second body; with corners of their own (``listed`` has the file's
+    numbers of corners) and the same way round they are."""
     shell, outwards = found.shell, flipped(faces, found.turned)
     result = np.arange(int(shell.max()) + 1)
     given, size = volumes(points, faces, shell) < 0.0, volumes(points, outwards, shell)
     closed = np.isin(result, shell[found.closed])
+    corners = [{i for face in own for i in face} for own in by_shell(listed, shell)]
     first: dict[frozenset[frozenset[int]], int] = {}
     for number, own in enumerate(by_shell(faces, shell)):
-        result[number] = first.setdefault(frozenset(map(frozenset, own)), number)
+        same = first.setdefault(frozenset(map(frozenset, own)), number)
+        if given[same] != given[number] or corners[same] & corners[number]:
+            result[number] = same
     if not given[closed].any() or given[closed].all():
         return np.asarray(result[shell])
     pairs = nested(points, outwards, shell, given)

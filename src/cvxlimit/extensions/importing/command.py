@@ -14,15 +14,8 @@ import numpy as np
 
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import Command, numbers, vector
-from cvxlimit.cli.report import (
-    SCENE_PICTURES,
-    ExitCode,
-    check_outputs,
-    counted,
-    facts,
-    show,
-    warn_of_geometry,
-)
+from cvxlimit.cli.report import SCENE_PICTURES, check_outputs, counted, facts, warn_of_geometry
+from cvxlimit.cli.shell import ExitCode, show
 from cvxlimit.errors import GeometryError, InputError, ModelError
 from cvxlimit.extensions.importing.bodies import Body
 from cvxlimit.extensions.importing.reading import bodies_in, unstated
@@ -31,8 +24,8 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.io import Imported, import_geometry, write_scene
 from cvxlimit.plotting import plot_scene
 from cvxlimit.scene import Load, Pressure, Scene
-from cvxlimit.scene.resisting import passive
-from cvxlimit.scene.surroundings import earth_pressure, fill, hydrostatic
+from cvxlimit.surroundings.reached import earth_pressure, fill, hydrostatic
+from cvxlimit.surroundings.resisting import passive
 
 PRESSURES = "pressures"
 """Of --live: earth and water."""
@@ -86,8 +79,8 @@ class ImportCommand(Command):
     Arguments
     ---------
     geometry : GEOMETRY...
-        Files or folders: .obj, .stl, .ply, .glb, .gltf, .off, .dxf, COMPAS .json, or .csv with a
-        box per row (id, xmin, ymin, zmin, xmax, ymax, zmax; density, support).
+        Files or folders: .obj, .stl, .ply, .glb, .gltf, .off, .dxf, COMPAS .json, 3DEC .dat, or
+        .csv with a box per row (id, xmin, ymin, zmin, xmax ...).
 
     Output
     ------

@@ -12,20 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from decimal import Decimal
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.extensions.importing.bodies import Body
+from cvxlimit.extensions.importing.steps import FEW, digits_of, holds_single, last_place
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.mesh import polygon_vectors
 from cvxlimit.geometry.polyhedra import JOINT_TOLERANCE
 from cvxlimit.scene import Scene
-
-_FEW = 9
-"""Numbers with fewer digits may have been cut; doubles written in full have 15 to 17."""
 
 NOISIEST = 5.0
 """Times the usual joint tolerance, up to which a measured one is taken unasked: a twentieth of a
@@ -33,11 +29,17 @@ stone's thickness, which is less than any stone is wide, so that none is joined 
 one."""
 
 
-def too_few_digits(bodies: Sequence[Body]) -> str:
+WORTH_A_WORD = 2e-4
+"""Share of a stone's size: steps as large move a load factor by a thousandth or two, as much as
+width over height of a stone that is twice as high as wide."""
+
+
+def too_few_digits(bodies: Sequence[Body], share: float = JOINT_TOLERANCE) -> str:
     """What is wrong with the coordinates, and the cure; empty if nothing is, or if a move to the
     origin would not help.
 
-    They are too coarse if the numbers a file can hold lie farther apart than joints may gape. The
+    They are too coarse if the numbers a file can hold lie farther apart than joints may gape, or
+    than another ``share`` of the blocks' size. The
     joint tolerance is a share of a block's mean thickness, which bodies not yet checked do not
     have. Their longest side takes its place: no block is thicker, so that only what is coarser than
     any tolerance is refused.
@@ -48,15 +50,15 @@ def too_few_digits(bodies: Sequence[Body]) -> str:
     points = np.concatenate(filled) if filled else np.empty((0, 3))
     if not size or not np.isfinite(points).all():
         return ""
-    single, digits = is_single(bodies), _digits(points)
-    if not single and digits >= _FEW:
+    single, digits = is_single(bodies), digits_of(points)
+    if not single and digits >= FEW:
         return ""
-    coarsest, words = JOINT_TOLERANCE * size, ""
+    coarsest, words = share * size, ""
     for axis, values in zip("xyz", points.T, strict=True):
         far, extent = float(np.abs(values).max()), float(np.ptp(values))
         # between neighbouring numbers where the model stands, and where it would beside the origin
         step, step_at_origin = (
-            float(np.spacing(np.float32(x))) if single else _last_place(x, digits)
+            float(np.spacing(np.float32(x))) if single else last_place(x, digits)
             for x in (far, extent)
         )
         # a move is worth the trouble if it makes numbers more than ten times finer
@@ -68,31 +70,13 @@ def too_few_digits(bodies: Sequence[Body]) -> str:
                 f"blocks of some {size:.2g}; move the model to an origin beside it, or write more "
                 "digits, and export it again"
             )
-    return f"the file's numbers cannot tell its blocks apart: {words}" if words else ""
+    what = "cannot tell its blocks apart" if share >= JOINT_TOLERANCE else "are coarse"
+    return f"the file's numbers {what}: {words}" if words else ""
 
 
 def is_single(bodies: Sequence[Body]) -> bool:
     """True if all coordinates are numbers of single precision, as binary files have them."""
-    return all(bool((b.vertices.astype(np.float32) == b.vertices).all()) for b in bodies)
-
-
-def _digits(values: FloatArray) -> int:
-    """The most significant digits that a number among the values has.
-
-    >>> _digits(np.array([[1200.0, 0.25, 3.125]]))
-    4
-    """
-    different = np.unique(values).tolist()
-    return max((len(Decimal(repr(x)).normalize().as_tuple().digits) for x in different), default=0)
-
-
-def _last_place(x: float, digits: int) -> float:
-    """What the last of so many digits of a number is worth; 0 is taken as 1.
-
-    >>> _last_place(4321.0, 6)
-    0.01
-    """
-    return float(10.0 ** (np.floor(np.log10(x or 1.0)) + 1 - digits))
+    return all(holds_single(body.vertices) for body in bodies)
 
 
 def with_noise(

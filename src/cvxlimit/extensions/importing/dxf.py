@@ -22,9 +22,10 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.extras import needed
+from cvxlimit.base.lines import one_line
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.importing.bodies import Body, merged, read_by_others
-from cvxlimit.io.fields import one_line, read_bytes, shown
+from cvxlimit.io.fields import read_bytes, shown
 
 Polygons = tuple[FloatArray, list[list[int]]]
 

@@ -18,7 +18,7 @@ from cvxlimit.extensions.importing.bodies import Body, lines_of, with_faces
 from cvxlimit.io.fields import shown
 
 _NOT_GEOMETRY = {
-    "vt", "vn", "vp", "s", "l", "p", "usemtl", "mtllib", "usemap", "maplib", "shadow_obj",
+    "vt", "vn", "vp", "s", "usemtl", "mtllib", "usemap", "maplib", "shadow_obj",
     "trace_obj", "bevel", "c_interp", "d_interp", "lod", "mg",
 }  # fmt: skip
 """Statements that are skipped; free-form surfaces are not among them."""
@@ -35,7 +35,7 @@ class _Part:
 def read_obj(path: Path, notes: list[str]) -> list[Body]:
     """The objects of an OBJ file; its groups where it has no more than one object."""
     vertices: list[list[float]] = []
-    parts = [_Part(0, "", "")]
+    parts, without = [_Part(0, "", "")], 0
     for number, line in lines_of(path):
         key, *words = line.split()
         if key == "v":
@@ -46,11 +46,15 @@ def read_obj(path: Path, notes: list[str]) -> list[Body]:
             parts.append(_Part(parts[-1].object + 1, "", " ".join(words)))
         elif key == "g":
             parts.append(_Part(parts[-1].object, " ".join(words), parts[-1].name))
+        elif key in ("l", "p"):
+            without += 1
         elif key not in _NOT_GEOMETRY:
             raise InputError(
                 f"line {number} is no statement of a polygon mesh: {shown(line)}; export the "
                 "blocks as meshes"
             )
+    if without:
+        notes.append(f"{without} lines or points of the file are no faces, and are left out")
     points = np.array(vertices, dtype=float).reshape(-1, 3)
     return [Body(name, *with_faces(points, faces)) for name, faces in _blocks(parts)]
 

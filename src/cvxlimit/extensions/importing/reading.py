@@ -30,22 +30,18 @@ from numpy.typing import ArrayLike
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import positive
 from cvxlimit.base.doors import Door
+from cvxlimit.base.lines import one_line
 from cvxlimit.errors import GeometryError, InputError
 from cvxlimit.extensions.importing.bodies import Body, natural, separated
 from cvxlimit.extensions.importing.compas import bodies_of, is_object
-from cvxlimit.extensions.importing.digits import is_single, too_few_digits, with_noise
+from cvxlimit.extensions.importing.digits import WORTH_A_WORD, is_single, too_few_digits, with_noise
 from cvxlimit.extensions.importing.sheets import is_sheet, with_slabs
 from cvxlimit.extensions.importing.supports import LOWEST, refuse_all_lowest, supports_of
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.solids import solid
-from cvxlimit.io.fields import (
-    LARGEST_NUMBER,
-    file_prefix,
-    one_line,
-    refusals,
-    shown,
-)
+from cvxlimit.io.fields import LARGEST_NUMBER, file_prefix, refusals, shown
 from cvxlimit.scene import METRES, Load, Scene, Units
+from cvxlimit.scene.doubts import unit_in_doubt
 from cvxlimit.scene.units import KILONEWTONS, G
 
 READERS: Mapping[str, Callable[[Path, list[str]], list[Body]]] = Door("cvxlimit.readers")
@@ -56,6 +52,33 @@ AXES = ("x", "y", "z")
 
 STONE = (5.0, 40.0)
 """Weights per volume in kN/m³ between which all stones and bricks lie: pumice has 6, basalt 31."""
+
+SIZES = (0.01, 5.0)
+"""Metres between which the sizes of stones lie: few masons lift more, or lay less."""
+
+_BY_BLENDER = "open it in Blender, one object a stone, and export .glb or .obj"
+
+UNREAD = {
+    "3dm": "in Rhino, SelClosedPolysrf, then Export Selected as .obj, object names as OBJ objects",
+    "skp": "in SketchUp, make a group of every stone, then File, Export, 3D Model as .glb or .obj",
+    "ifc": "open it in Blender with Bonsai, or in FreeCAD, and export the stones as .glb or .obj",
+    "fbx": _BY_BLENDER,
+    "usd": _BY_BLENDER,
+    "usda": _BY_BLENDER,
+    "usdc": _BY_BLENDER,
+    "usdz": _BY_BLENDER,
+    "dae": _BY_BLENDER,
+    "3ds": _BY_BLENDER,
+    "wrl": _BY_BLENDER,
+    "blend": "in Blender, File, Export as .glb, with the stones selected, or as .obj",
+    "dwg": "in the drawing program, save as .dxf in text, of 2000 or later",
+    "step": "in FreeCAD, select the solids, and export them as .obj; or as .stl, one file a stone",
+    "stp": "in FreeCAD, select the solids, and export them as .obj; or as .stl, one file a stone",
+    "iges": "in FreeCAD, make solids of the faces, and export them as .obj",
+    "igs": "in FreeCAD, make solids of the faces, and export them as .obj",
+    "3mf": "in the slicer or in Blender, export the bodies as .stl or .obj",
+}
+"""Formats by suffix that hold stones and are not read, and how to get from there to one that is."""
 
 _IGNORED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".txt", ".md")
 """Companions of geometry files, silently left alone in a folder."""
@@ -87,11 +110,12 @@ def import_geometry(
     supports: str | Sequence[str] | None = None, force_unit: str = "kN",
     joint_tolerance: float | None = None, name: str | None = None, to_unit: str | None = None,
 ) -> Imported:  # fmt: skip
-    """A scene from OBJ, STL, PLY, glTF, OFF, DXF, COMPAS or CSV files.
+    """A scene from OBJ, STL, PLY, glTF, OFF, DXF, COMPAS, 3DEC or CSV files.
 
     Every object of an OBJ file is a block (every group where there is one object), every node of a
-    COMPAS assembly, every row of a table, every closed shell of an STL, PLY, glTF or OFF mesh, and
-    every solid, mesh, closed polyline with a thickness or shell of 3D faces of a DXF drawing.
+    COMPAS assembly and every one with a mesh of a glTF file, every row of a table, every block of a
+    data file of 3DEC, every closed shell of an STL, PLY or OFF mesh, and every solid, mesh, closed
+    polyline with a thickness or shell of 3D faces of a DXF drawing.
     Geometry files do not state units, supports and friction: these are arguments.
 
     Parameters
@@ -158,7 +182,10 @@ def import_geometry(
         files = [] if is_object(paths) else _files(paths)
         bodies = _unique(_read(files, notes) if files else bodies_of(paths), notes)
         _check_coordinates(bodies)
-        blurred, is_single_precision = too_few_digits(bodies), is_single(bodies)
+        blurred, coarse = too_few_digits(bodies), too_few_digits(bodies, WORTH_A_WORD)
+        if blurred and is_single(bodies):  # round numbers in a text may just be round
+            raise InputError(blurred)
+        notes += filter(None, [blurred or coarse])
         # 2. In the unit asked for, with weights per volume.
         bodies = _converted(bodies, length_unit, to_unit, notes)
         # COMPAS, whose files are JSON, has mass per volume; all other formats have weight.
@@ -173,8 +200,6 @@ def import_geometry(
                 blocks = made(joint_tolerance)
             if supports == LOWEST:
                 refuse_all_lowest(bodies, fixed, axis)
-        if blurred and is_single_precision:  # round numbers in a text may just be round
-            notes.append(blurred)
         # 4. The scene, with joints as wide as the files are rough.
         scene = Scene(
             blocks=blocks,
@@ -187,7 +212,7 @@ def import_geometry(
             joint_tolerance=joint_tolerance,
         )
         scene = with_noise(scene, bodies, made, notes)
-        notes += _strange_density(scene)
+        notes += [*_strange_density(scene), *_strange_stones(scene)]
         return Imported(scene, tuple(map(str, files)), tuple(notes))
 
 
@@ -265,14 +290,27 @@ def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) ->
     with refusals(file_prefix(path)):
         read = READERS.get(file.suffix.lower())
         if read is None:
+            kind = file.suffix.lower()[1:]
+            if kind in UNREAD:
+                raise InputError(f".{kind} files are not read: {UNREAD[kind]}")
             raise InputError(
                 f"cannot tell the format from {file.suffix or file.name!r}: give a file that ends "
                 f"in {', '.join(READERS)}, or a folder of such files"
             )
-        bodies = read(file, [] if notes is None else notes)
+        notes = [] if notes is None else notes
+        bodies = read(file, notes)
         if not any(len(body.faces) or body.is_box for body in bodies):
             raise InputError("the file holds no faces; export the blocks as meshes")
-        return [part for body in bodies for part in separated(body)]
+        result = []
+        for body in bodies:
+            parts = separated(body)
+            result += parts
+            if len(parts) > 1 and body.name:  # a file of one mesh has no name for it
+                notes.append(
+                    f"{shown(body.name)} holds {len(parts)} separate bodies: each is a block, "
+                    f"{shown(parts[0].name)} to {shown(parts[-1].name)}"
+                )
+        return result
 
 
 def _unique(bodies: Sequence[Body], notes: list[str]) -> list[Body]:
@@ -425,4 +463,23 @@ def _strange_density(scene: Scene) -> list[str]:
     return [
         f"the mean density is {mean:.3g} kN/m³, which no stone has ({low:g} to {high:g}): check "
         "it and length_unit, or convert coordinates with to_unit"
+    ]
+
+
+def _strange_stones(scene: Scene) -> list[str]:
+    """A question each where the largest or smallest free block has a size that few stones have; of
+    what none has, the scene says so itself."""
+    free = [scene.blocks[i] for i in scene.free]
+    metres = METRES.get(scene.units.length)
+    if metres is None or any("are coordinates in" in said for said in scene.doubts):
+        return []
+    sizes = [metres * float(np.ptp(block.vertices, axis=0).max()) for block in free]
+    smallest, largest = min(sizes), max(sizes)
+    return [
+        f"the {which} stone is {size:.3g} m across: {unit_in_doubt(scene.units.length, 'it', size)}"
+        for which, size, is_strange in (
+            ("largest", largest, largest > SIZES[1]),
+            ("smallest", smallest, smallest < SIZES[0]),
+        )
+        if is_strange
     ]

@@ -11,17 +11,10 @@ from cvxlimit.errors import InputError
 from cvxlimit.extensions.importing.bodies import Body
 from cvxlimit.extensions.importing.sheets import is_sheet
 from cvxlimit.io.fields import shown
+from cvxlimit.scene.doubts import LOWEST_WITHIN
 
 LOWEST = "lowest"
 """Word that asks for the lowest blocks as supports."""
-
-LOWEST_WITHIN = 0.01
-"""A block is among the lowest if its lowest point lies no more than this fraction of the
-structure's height above the lowest of all.
-
-The feet of one structure, drawn on one plane, differ by what coordinates are rounded to (1e-3 of a
-block at worst in the public models tried); the next course lies a block's height above, which is
-more than 1 % of the structure's up to 100 courses."""
 
 
 def supports_of(
@@ -33,16 +26,35 @@ def supports_of(
     if asked is None:
         if sheets and not marked:
             return sheets
-        if not marked:
+        if marked:
+            _tell_of_lower(bodies, marked, up, notes)
+        else:
             raise InputError(
                 'no file marks supports: say which blocks are fixed (supports="lowest" or '
                 'supports=["ID", ...])'
             )
         return marked
     chosen = _lowest(bodies, up, notes) if asked == LOWEST else set(_ids(asked, bodies))
+    if asked != LOWEST:
+        _tell_of_lower(bodies, chosen, up, notes)
     if marked and chosen != marked:
         notes.append(f"{len(marked)} supports marked in the files give way to those asked for")
     return chosen
+
+
+def _tell_of_lower(
+    bodies: Sequence[Body], fixed: set[str], up: FloatArray, notes: list[str]
+) -> None:
+    """A word where free blocks reach lower than every support that is named or marked."""
+    heights = {b.name: b.vertices @ up for b in bodies if len(b.vertices)}
+    foot = min((float(h.min()) for name, h in heights.items() if name in fixed), default=np.nan)
+    lowest = min(heights, key=lambda name: float(heights[name].min()))
+    low = float(heights[lowest].min())
+    high = max(float(h.max()) for h in heights.values())
+    if lowest not in fixed and foot - low > LOWEST_WITHIN * (high - low):
+        notes.append(
+            f"no support is as low as block {shown(lowest)}, which is free: check supports and up"
+        )
 
 
 def refuse_all_lowest(bodies: Sequence[Body], fixed: set[str], up: FloatArray) -> None:

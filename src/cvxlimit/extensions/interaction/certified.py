@@ -29,7 +29,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import SMALL, FloatArray
 from cvxlimit.base.checks import count, not_negative, ratio
 from cvxlimit.base.search import processes
 from cvxlimit.errors import ModelError
@@ -38,9 +38,9 @@ from cvxlimit.extensions.interaction.branching.search import BranchAndBound
 from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.halves import SymmetricHalf
 from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
+from cvxlimit.extensions.interaction.restriction.carrying import carrying_forces
 from cvxlimit.extensions.interaction.restriction.inner import InnerMethod
 from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBounds, basis, prove
-from cvxlimit.extensions.interaction.restriction.slater import carrying_forces
 from cvxlimit.extensions.interaction.settings import BRACKET
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.answer import Answer
@@ -76,7 +76,7 @@ class Certified(Method):
     starts : tuple of {"relaxation", "middle", "boxes"} or None
         Where the safe steps begin: at the forces of the relaxation from above, at the middle of all
         contacts, or where boxes of pressure centres about the relaxation's shrink to. The problem
-        has local optima, so several starts help (figures: docs/evidence/interaction-speed.md).
+        has local optima, so several starts help (figures: docs/evidence/closing.md).
         None is all of them for independent signs, each while the bracket is wider than 0.5 % and
         boxes up to 500 contacts, and for signed moments the relaxation; where contacts are not all
         rectangles boxes come first, whatever the moments.
@@ -104,7 +104,7 @@ class Certified(Method):
     24
     """
 
-    name = "certified"
+    name, axis = "certified", "interaction"
     answers = "interaction with bending (Eq. 26-32), proved from below and from above"
     surfaces, takes = ("conic",), ()
     usual = BRACKET.good
@@ -256,7 +256,7 @@ class _Proof:
     @property
     def _asked(self) -> float:
         """Relative width at which branch and bound ends, unless a proof turns out to cost more."""
-        return self.settings.tolerance or min(self._wanted, BRACKET.aim)
+        return self.settings.tolerance or (1.0 - SMALL) * self._wanted
 
     @property
     def _end(self) -> float:
@@ -325,7 +325,7 @@ class _Proof:
         if width <= asked and width <= (asked := self._width_after_proof()):
             return
         seconds = self._branching_seconds()
-        if seconds < BRACKET.least_problems * self._problem_seconds:
+        if seconds < self._problem_seconds:
             run.remarks = [f"{percent(width)} wide after {run.clock.elapsed:.1f} s; {MORE_TIME}"]
             return
         progress = Progress(run, seconds, ends_idle=settings.branching_seconds is None)
@@ -361,7 +361,7 @@ class _Proof:
         if run.best.bracket.width <= self._wanted:
             return np.inf
         run.best = before
-        return before.bracket.width - BRACKET.dearer * cost
+        return before.bracket.width - cost
 
     def _branching_seconds(self) -> float:
         """Seconds that branch and bound may take from now on."""

@@ -32,9 +32,10 @@ from cvxlimit.extensions.interaction.states.support import (
     whole_boxes,
 )
 from cvxlimit.geometry.contacts import COLUMN, Contacts
-from cvxlimit.model.flow import Shortfall
+from cvxlimit.proof.flow import Shortfall
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import half_extent
+from cvxlimit.solvers.running import Flows
 
 _Worst = tuple[FloatArray, FloatArray, FloatArray]
 """Shortfalls (n,), the pressure centres (n, 2) that have them, and the arms (n,) there."""
@@ -51,7 +52,7 @@ class _OpeningField:
 
 class InteractionFlow:
     """The flow rule of n contacts under a reading, in place of
-    :class:`cvxlimit.model.flow.FlowRule` in certificates of upper bounds.
+    :class:`cvxlimit.proof.flow.FlowRule` in certificates of upper bounds.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ class InteractionFlow:
         self._opening_field = _OpeningField()
         self._repeated: dict[int, tuple[IntArray, Contacts]] = {}
 
-    def shortfall(self, rates: FloatArray) -> Shortfall:
+    def shortfall(self, rates: FloatArray, duals: Flows | None = None) -> Shortfall:
         """Returns the shortfalls of rates (n, 6). They exceed the exact ones by 1e-10 of the
         largest power at most; on very many polygons with independent signs, by what friction at
         the corners allows more."""

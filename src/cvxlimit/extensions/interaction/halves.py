@@ -50,14 +50,13 @@ class SymmetricHalf:
             return None
         if not _is_indifferent(moments, mirror, contacts):
             return None
-        is_kept = np.arange(len(contacts)) <= mirror.contacts
-        kept, dropped = np.flatnonzero(is_kept), np.flatnonzero(~is_kept)
-        return cls(kept, dropped, whole.forces, whole.rates)
+        dropped = np.setdiff1d(np.arange(len(contacts)), whole.kept)
+        return cls(whole.kept, dropped, whole.forces, whole.rates)
 
     def reduction(self, whole: Reduction) -> Reduction:
         """Returns the reduction of a full model to this half."""
-        contacts = whole.contacts.take(self.kept)
-        return replace(whole, contacts=contacts, forces=self.forces, rates=self.rates)
+        contacts, kept = whole.contacts.take(self.kept), self.kept
+        return replace(whole, contacts=contacts, kept=kept, forces=self.forces, rates=self.rates)
 
 
 def _is_indifferent(moments: Moments, mirror: Mirror, contacts: Contacts) -> bool:

@@ -1,4 +1,4 @@
-"""The numbers behind a certified bracket, measured in docs/evidence/interaction-speed.md.
+"""The numbers behind a certified bracket, measured in docs/evidence/closing.md.
 
 Only speed and width depend on them: bounds are checked outside of all problems. Unless a comment
 says otherwise, forces and *excess* (by how much forces exceed a yield condition) are shares of the
@@ -65,8 +65,6 @@ class ClimbSettings:
     inward: float = 0.05
     # The same share after each failure of a safe step.
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)
-    # A search is given up if so many times the predicted gain do not reach the best bound.
-    hope: float = 2.0
     # Prices of slack, scaled, of successive steps to forces that carry a load alone; None is a safe
     # step. At the last price little slack is left.
     prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, 1000.0, 1000.0, None)
@@ -85,9 +83,6 @@ class ClimbSettings:
     nearly: float = 3e-2
     settled: float = 1e-2  # The same below which boxes end and safe steps follow, ...
     frozen: float = 5e-3  # ... or frozen problems, where some contacts are not rectangles.
-    # Share of the excess at the last frozen problem at which the next one is tried.
-    retry: float = 0.5
-    noise: float = 2e-5  # Largest excess of a contact that may be due to loose solves alone.
 
 
 @dataclass(frozen=True)
@@ -99,15 +94,12 @@ class BranchSettings:
     """
 
     # The bound of a node.
-    # Disjuncts are added that promise at least this share of the tolerance.
-    worth_a_disjunct: float = 0.05
     rounds: int = 2  # Solves of a node, each with the disjuncts that the one before missed.
-    # Error of powers (forces times rates) in the bound, over the relative tolerance.
+    # Error of powers (forces times rates) in the bound, and tolerance of its solver, over the
+    # relative tolerance: at 1e-2 splits followed noise.
     precision: float = 1e-4
     # Share of a range by which it is widened for its bound, where the bound did not close the node.
     widened: float = 0.03
-    # Tolerance of its solver, over the relative tolerance: at 1e-2 splits followed noise.
-    solved: float = 1e-4
     # Price at which any share of the dead load may be taken off, over the root's bound. It gives
     # every relaxation a solution, and so closes nodes without states.
     price: float = 10.0
@@ -124,9 +116,6 @@ class BranchSettings:
 
     # Tightening: ranges of the root are cut before the first split.
     tightening: float = 0.25  # Share of the time that it may take.
-    # Speed of contacts at rest, as above, in the order in which contacts are tried.
-    at_rest_tightened: float = 1e-3
-    carried: float = 0.99  # Contacts tried are those that carry this share of all scores.
     # Least share that a solve must cut off a range, and a round off the gap, to go on.
     cut: float = 0.1
     # Share of a range that is left beyond what a solver says pressure centres reach.
@@ -138,7 +127,6 @@ class BranchSettings:
     kept: int = 5000  # Blocks of columns of problems that are kept, of 0.01 MB each.
     # Open nodes that keep a point from which their children's solver may start, of 0.1 MB each.
     remembered: int = 1000
-    told: float = 0.98  # The history has a line when the gap is this share of the last line's.
 
     # Lower bounds.
     climbing: float = 0.14  # Share of all problems that climbs from open nodes may take, ...
@@ -159,9 +147,7 @@ class BracketSettings:
     """How the method divides its work between a relaxation, climbs and branch and bound."""
 
     # The relaxation of the whole run, to which disjuncts are added round by round.
-    # Missing opening that solvers leave, over the mechanism's largest rate.
-    noise: float = 1e-10
-    # Share of the tolerance by which a contact's new disjuncts must raise the bound.
+    # Share of the tolerance by which a contact's new disjuncts must raise the bound, of nodes too.
     worth_a_disjunct: float = 0.1
     # Disjuncts are added at the worst place and this far beside it: in round 2 the square of this
     # distance, and so on.
@@ -173,10 +159,9 @@ class BracketSettings:
 
     # Widths of the bracket, relative. ``few`` contacts or fewer are held to the width ``outer``.
     good: float = 0.05  # Counts as an answer where no tolerance is asked for.
-    wanted: float = 0.01  # What is wanted where none is asked for, the cost of a proof included.
-    # Where branching ends then: a little less, and less again by what a proof has cost so far, ...
-    aim: float = 0.00999
-    dearer: float = 1.5  # ... times this, for the next proof may cost more.
+    # What is wanted where none is asked for, the cost of a proof included: branching ends at a
+    # little less, and at less again by what a proof has cost so far.
+    wanted: float = 0.01
     narrow: float = 0.005  # No further start of a climb is taken below it where none is asked for.
     outer: float = 1e-4  # Adding disjuncts and branching end here where none is asked for.
     few: int = 6
@@ -186,8 +171,6 @@ class BracketSettings:
     relaxations: float = 12.0  # ... or so many times the first relaxation's, if more.
     branching: float = 60.0  # Branching with a tolerance, or on few contacts.
     standing: float = 0.2  # Share of the budget for whether the dead load stands.
-    # Branching begins only if there is time for so many problems like the first.
-    least_problems: float = 2.0
     # Branching ends when ``budget`` seconds, or a third of all, have gained less than 1 % of the
     # gap, but not before so many nodes, however slow the machine.
     least_nodes: int = 30

@@ -19,8 +19,8 @@ import numpy as np
 
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.extensions.paths.bars import Bars
-from cvxlimit.extensions.paths.configuration import CLOSED, Points
-from cvxlimit.extensions.paths.pairs import Pose
+from cvxlimit.extensions.paths.configuration import Points
+from cvxlimit.extensions.paths.pairs import CLOSED, Pose
 from cvxlimit.scene import Scene
 
 
@@ -57,8 +57,8 @@ class Bonds:
 
     @property
     def lasts(self) -> bool:
-        """True if nothing comes apart: there are reactions alone."""
-        return not (len(self.is_whole) or self.bars.is_tie.any())
+        """True if no joint has cohesion any more, which explicit steps do not know."""
+        return not self.is_whole.any()
 
     @property
     def names(self) -> list[str]:

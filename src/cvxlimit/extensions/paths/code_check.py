@@ -1,7 +1,8 @@
 """The displacement check of a local mechanism on its path: Circolare 7/2019, C8.7.1.
 
-1. The mechanism at rest becomes an oscillator of one degree of freedom (:mod:`.oscillator`), and
-   the path its capacity curve: spectral accelerations a = alpha g / (e* FC) over displacements d.
+1. The mechanism by which the path begins becomes an oscillator of one degree of freedom
+   (:mod:`.oscillator`), and the path its capacity curve: spectral accelerations
+   a = alpha g / (e* FC) over displacements d. Of several mechanisms that with the least a0* leads.
 2. d0 is where nothing is carried any more: of all runs of the path, with the step, with half of it,
    by the other flow rule, the least.
 3. The limit states SLV and SLC are at 0.4 d0 and 0.6 d0, or where something fails before in any
@@ -27,9 +28,9 @@ from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.configuration import Configuration
 from cvxlimit.extensions.paths.following import configuration_at
-from cvxlimit.extensions.paths.oscillator import oscillator
+from cvxlimit.extensions.paths.oscillator import OF_PATH, Oscillator, check_push, oscillators
 from cvxlimit.extensions.paths.path import Path
-from cvxlimit.scene import METRES, Units
+from cvxlimit.scene import METRES, Scene, Units
 from cvxlimit.scene.units import G
 
 SOURCE = "after Circolare 7/2019, C8.7.1: a transcription, to be compared with the code in force"
@@ -47,7 +48,7 @@ class Limit:
     displacement, acceleration : float
         Spectral, on the capacity curve, in the scene's unit of length and in that over s2.
     period : float
-        In s, at which the displacement spectrum is read.
+        In s, at which the displacement spectrum is read; infinite where no acceleration is left.
     basis : str
         What decides about the displacement.
     configuration : Configuration
@@ -73,12 +74,12 @@ class CodeCheck:
     scene_name : str
     units : Units
     confidence_factor, g, q : float
-    weight : float
-        Of the blocks that move in the mechanism.
-    e_star : float
-        Share of their mass that takes part.
-    a0_star : float
-        Spectral acceleration that sets the mechanism in motion.
+    mechanisms : tuple of Oscillator
+        Of the mechanism by which the path begins; where they differ, of that of
+        :func:`cvxlimit.solve` as well, and of what only slides if its a0* is the least. The least
+        a0* is first, and ``alpha_0``, ``weight`` (of the blocks that move), ``e_star`` (share of
+        their mass that takes part) and ``a0_star`` (spectral acceleration that sets it in motion)
+        are of this one.
     displacement, acceleration : (steps + 1,) array
         The capacity curve, spectral.
     pieces : tuple of (int, int)
@@ -89,8 +90,9 @@ class CodeCheck:
     slv, slc : Limit or None
         Both limit states; also ``d_SLV``, ``T_SLV``, ``d_SLC``, ``T_SLC``, which are NaN without.
     refused : str
-        Of a path whose load factor stays level because joints slide: why it has no displacements to
-        check, and ``a0_star`` alone holds. Empty of others.
+        Of a path whose load factor stays level because joints slide, or that is
+        ``"not-decided"``: why it has no displacements to check, and ``a0_star`` alone holds. Empty
+        of others.
     histories : (float or None, str) or None
         Mean of the largest displacements in time, and what is to say of it; None if not asked.
     notes : tuple of str
@@ -110,9 +112,7 @@ class CodeCheck:
     confidence_factor: float
     g: float
     q: float
-    weight: float
-    e_star: float
-    a0_star: float
+    mechanisms: tuple[Oscillator, ...]
     displacement: FloatArray
     acceleration: FloatArray
     pieces: tuple[tuple[int, int], ...]
@@ -123,6 +123,29 @@ class CodeCheck:
     notes: tuple[str, ...] = ()
     refused: str = ""
     histories: tuple[float | None, str] | None = None
+
+    @property
+    def alpha_0(self) -> float:
+        """Load factor that sets the mechanism with the least a0* in motion."""
+        return self.mechanisms[0].alpha
+
+    @property
+    def weight(self) -> float:
+        """Of the blocks that move in it."""
+        return self.mechanisms[0].weight
+
+    @property
+    def e_star(self) -> float:
+        """Share of their mass that takes part."""
+        return self.mechanisms[0].e_star
+
+    @property
+    def a0_star(self) -> float:
+        """Spectral acceleration that sets it in motion."""
+        return self._a0(self.mechanisms[0])
+
+    def _a0(self, mechanism: Oscillator) -> float:
+        return mechanism.share * self.g / self.confidence_factor
 
     @property
     def d_SLV(self) -> float:  # noqa: N802  # the code's own names
@@ -152,9 +175,17 @@ class CodeCheck:
         rows: list[tuple[str, float | None, str, str]] = [
             ("FC", self.confidence_factor, "", "confidence factor"),
             ("g", self.g, a, "gravity"),
-            ("sum P", self.weight, self.units.force, "weight of the blocks that move"),
-            ("e*", self.e_star, "", "(sum P dx)^2 / (sum P sum P dx^2)"),
-            ("a0*", self.a0_star, a, "alpha_0 g / (e* FC)"),
+        ]
+        for i, each in enumerate(self.mechanisms):
+            of = f", {each.of}" * (len(self.mechanisms) > 1)
+            other = f" ({i + 1})" * (i > 0)
+            rows += [
+                (f"alpha_0{other}", each.alpha, "", f"load factor that sets it in motion{of}"),
+                (f"sum P{other}", each.weight, self.units.force, "weight of the blocks that move"),
+                (f"e*{other}", each.e_star, "", "(sum P dx)^2 / (sum P sum P dx^2)"),
+                (f"a0*{other}", self._a0(each), a, "alpha_0 g / (e* FC)"),
+            ]
+        rows += [
             ("a SLD", self.a0_star, a, "linear check: most that is allowed at SLD"),
             ("a SLV", self.q * self.a0_star, a, f"linear check: q a SLD, q = {self.q:g}"),
         ]
@@ -270,14 +301,18 @@ def code_check(
         move as one.
     """
     scene = of_type(path, Path, "path must be a Path", "pushover(scene) makes one").scene
-    factor, gravity = positive(confidence_factor, "confidence factor"), _gravity(g, scene.units)
+    factor, gravity = check_asked(scene, confidence_factor, g)
     # The oscillator: accelerations over load factors, displacements over those of the control.
-    one = oscillator(path, groups, own_inertia)
+    one, *others = oscillators(path, groups, own_inertia)
+    least = sorted([one, *others], key=lambda each: each.share)
+    if least[0].alpha <= 0.0:
+        raise InputError(f"there is no a0* to check: {path.reason}")
     per_factor, per_control = one.push * gravity / (one.e_star * factor), one.per_control
     # Where the runs of the path end; the one that ends first is checked. One by the other flow rule
     # that slides away has no end.
     own = [run for run in (path.halved, path) if run is not None]
     refused = next((run.headline for run in own if run.slides_away), "")
+    refused = path.headline if path.status == "not-decided" else refused
     runs = [*own, *([path.other_flow] if path.other_flow is not None else [])]
     ends = [] if refused else _ends(path, runs)
     run = ends[0].run if ends else path
@@ -289,23 +324,43 @@ def code_check(
         of_d0 = f"{share:g} d0{_interval(path, ends, share * per_control)}"
         reached = (share * ends[0].displacement, of_d0, ends[0])
         at, basis, end = min([reached, *failures], key=lambda each: each[0])
-        found = configuration_at(end.run, at)
-        d, a = float(per_control * at), float(per_factor * found.load_factor)
+        at_limit = configuration_at(end.run, at)
+        d, a = float(per_control * at), float(per_factor * at_limit.load_factor)
         basis += f", {end.name}" * (end.run is not run)
-        limits.append(Limit(d, a, float(period * np.pi * np.sqrt(d / a)), basis, found))
+        # What moves at any acceleration, as where nothing is left to hold it, has no period.
+        t = period * np.pi * np.sqrt(d / a) if a > 0.0 else np.inf
+        limits.append(Limit(d, a, float(t), basis, at_limit))
     slv, slc = limits or (None, None)
     return CodeCheck(
-        scene.name, scene.units, factor, gravity, positive(q, "q"), one.weight, one.e_star,
-        float(acceleration[0]), displacement, acceleration, run.pieces,
+        scene.name, scene.units, factor, gravity, positive(q, "q"), tuple(least),
+        displacement, acceleration, run.pieces,
         d0=float(per_control * ends[0].displacement) if ends else float("nan"),
         ends=ends[0].why + _interval(path, ends, per_control) if ends else "",
-        slv=slv, slc=slc, notes=_notes(path, runs, ends, own_inertia), refused=refused,
+        slv=slv, slc=slc, notes=_notes(path, runs, ends, least, own_inertia), refused=refused,
         histories=_in_time(path, motions, slv.displacement / per_control if slv else np.nan),
     )  # fmt: skip
 
 
+def check_asked(scene: Scene, confidence_factor: float = 1.35, g: float = G) -> tuple[float, float]:
+    """The confidence factor, and gravity in the scene's unit of length over s2, of a scene whose
+    path can be checked: what is asked before it is followed.
+
+    Raises
+    ------
+    InputError
+        For a live load that is no horizontal acceleration, a unit of length that cannot be
+        converted, and numbers that are not positive.
+    """
+    check_push(scene)
+    return positive(confidence_factor, "confidence factor"), _gravity(g, scene.units)
+
+
 def _notes(
-    path: Path, runs: Sequence[Path], ends: Sequence[_End], own_inertia: bool
+    path: Path,
+    runs: Sequence[Path],
+    ends: Sequence[_End],
+    begins: Sequence[Oscillator],
+    own_inertia: bool,
 ) -> tuple[str, ...]:
     """What is to say of the path, of the run that is checked, and of the mechanism at rest."""
     run = ends[0].run if ends else path
@@ -317,12 +372,16 @@ def _notes(
         lost = len(runs) - len(ends)
         short = f"; {lost} {'has' if lost == 1 else 'have'} no d0" * (lost > 0)
         notes.append(f"the check is of the run {ends[0].name}{least}{short}")
+    notes += [run.reason for run in runs if len(run.displacement) < 2]
     if own_inertia:
         notes.append("e* is over the bodies, which turn, and not of weights at their centroids")
-    alone = (path.initial and path.initial.load_factor) or np.inf
-    over = run.load_factor[0] / alone - 1.0
-    if abs(over) >= 0.0005:  # which shows as 0.1 %
-        notes.append(f"friction acts at points, which changes a0* by {over:+.1%} against solve's")
+    lead, *others = begins
+    for other in others:
+        what = "another load factor" if lead.is_like(other) else "another mechanism"
+        more = f"{other.share / lead.share - 1.0:+.1%} of a0*"
+        notes.append(f"a0* is that {lead.of}; {what}, {other.of}, has {more}")
+    if lead.of != OF_PATH:
+        notes.append("the curve and its displacements are those of the path's own mechanism")
     return tuple(notes)
 
 
@@ -352,6 +411,8 @@ def _ends(path: Path, runs: Sequence[Path]) -> list[_End]:
     for run in runs:
         name = "by the other flow rule" if run is path.other_flow else "with half the step"
         name = "with the whole step" if run is path else name
+        if len(run.displacement) < 2:  # what carries nothing at rest has no path
+            continue
         if np.isfinite(run.d0):
             ends.append(_End(run.d0, "where the acceleration is zero", run, name))
         elif run.status == "falls":

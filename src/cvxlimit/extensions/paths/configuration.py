@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.extensions.paths.bars import Bars
 from cvxlimit.extensions.paths.moving import held_scene, moved_scene
-from cvxlimit.extensions.paths.pairs import Pose
+from cvxlimit.extensions.paths.pairs import CLOSED, Pose
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Bracket
 
 Flow = Literal["associated", "zero-dilatancy"]
-
-CLOSED = 1e-6
-"""Gap, over the contact size, up to which a point is closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +163,9 @@ class Configuration:
         Without dilatancy or followed, what friction lacks of acting against the whole slip of the
         last step at closed joints, as a share of the step's work at the first load factor; 0 for a
         solution.
+    largest : Bracket or None
+        Where supports move: of the largest reaction along their motion. The least one is
+        ``bracket`` with its sign turned, see ``Path.reactions``.
     is_followed : bool
         True where no iterates came to rest and an explicit step went on: forces are within
         friction, equilibrium lacks ``residual`` and friction ``loss``. There is a bracket where
@@ -184,6 +184,7 @@ class Configuration:
     iterates: int = 0
     loss: float = 0.0
     is_followed: bool = False
+    largest: Bracket | None = None
 
     def bearing_gap(self, flow: Flow) -> float:
         """The gap up to which points count as closed in any case: where blocks slide without

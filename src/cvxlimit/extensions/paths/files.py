@@ -12,6 +12,7 @@ from cvxlimit.extensions.paths.configuration import Configuration, Flow, Points
 from cvxlimit.extensions.paths.path import Ending, Work, other_than
 from cvxlimit.extensions.paths.path import Path as Displacements
 from cvxlimit.extensions.paths.starting import begun
+from cvxlimit.extensions.paths.supports import guided, standing
 from cvxlimit.io.fields import ANY_FINITE, FilePath, JsonObject, refusals, shown
 from cvxlimit.io.forms import (
     FINITE,
@@ -29,7 +30,7 @@ from cvxlimit.io.forms import (
     together,
 )
 from cvxlimit.io.results import BOUNDS, FIGURE, MECHANISM, PROVED, RESULT
-from cvxlimit.io.scenes import POINT, SCENE
+from cvxlimit.io.scenes import MOTION, POINT, SCENE
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution
 from cvxlimit.solution.bracket import Bracket
@@ -97,6 +98,7 @@ CONFIGURATION = record(
         "displacements": MECHANISM,
         "points": Key(Form(_points, _rows_of, _POINTS), is_needed=True, is_several=True),
         "bracket": Key(nullable(BRACKET), is_needed=True),
+        "largest": nullable(BRACKET),
         "widest_gap": Key(FINITE, is_needed=True),
         "residual": Key(FIGURE, is_needed=True),
         "iterates": Key(WHOLE, is_needed=True),
@@ -115,6 +117,10 @@ def _path(
     other_flow: JsonObject | None = None, **given: Any,
 ) -> Displacements:  # fmt: skip
     """A path whose parts belong to each other."""
+    if motions := given.get("motions", ()):
+        is_guided = motions[0].supports[0] not in scene.supports  # in files of former versions
+        given["given"] = standing(scene, motions) if is_guided else scene
+        scene = scene if is_guided else guided(scene, motions)
     scene = begun(scene)[0]
     path = _run(scene, initial, **given)
     for name in ("units", "contact_names", "lumped"):
@@ -127,8 +133,9 @@ def _path(
     ):  # fmt: skip
         if run is not None:
             with refusals(f"{name}: "):
-                shared = {"flow": flow, "control": path.control, "until": path.until}
-                shared |= {"stretch": path.stretch}
+                shared: dict[str, Any] = {"flow": flow, "control": path.control}
+                shared |= {"until": path.until}
+                shared |= {"stretch": path.stretch, "motions": motions, "given": path.given}
                 beside[name] = _run(scene, initial, **run, **shared)  # type: ignore[arg-type]
     return replace(path, **beside)
 
@@ -151,6 +158,8 @@ def _run(
         if ((blocks < 0) | (blocks >= len(scene.blocks))).any() or (points.a == points.b).any():
             raise InputError(f"points of configuration {i} must be between two of the blocks")
     made = tuple(Configuration(scene, **each) for each in configurations)  # type: ignore[arg-type]
+    if (fallen := given.get("fallen")) is not None:
+        given["fallen"] = Configuration(scene, **fallen)
     if (control := given.get("control")) is not None and control[0] not in free:
         raise InputError(f"block of control must be a free block, got {shown(control[0])}")
     known = {each.w for each in made}
@@ -169,6 +178,7 @@ RUN = {
     "slides": FLAG,
     "notes": listed(TEXT),
     "failures": listed(FAILURE, "failure {i}"),
+    "fallen": nullable(CONFIGURATION),
 }
 """What a path has of its own, beside the runs with half the step and the other flow."""
 
@@ -183,6 +193,7 @@ _KEYS: dict[str, Key | Form] = {
     "control": nullable(CONTROL),
     "until": FINITE,
     "stretch": FIGURE,
+    "motions": listed(MOTION),
     "halved": ANOTHER_RUN,
     "other_flow": ANOTHER_RUN,
 }

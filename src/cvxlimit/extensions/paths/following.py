@@ -14,22 +14,28 @@ factor that is its multiplier. From one configuration to the next
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
+from time import perf_counter
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray
 from cvxlimit.extensions.paths.bonds import Bonds
-from cvxlimit.extensions.paths.configuration import CLOSED, Configuration, Flow
+from cvxlimit.extensions.paths.configuration import Configuration, Flow, Points
+from cvxlimit.extensions.paths.increment import Ahead
+from cvxlimit.extensions.paths.pairs import CLOSED, Pose
 from cvxlimit.extensions.paths.path import LEVEL_FOR, SLIDING, ZERO, Ending, Path, Work
 from cvxlimit.extensions.paths.proof import bracket_of
-from cvxlimit.extensions.paths.resting import LEFT, REACH, STILL, At, Failed, Rest
+from cvxlimit.extensions.paths.resting import LEFT, REACH, At, Failed, Rest
+from cvxlimit.extensions.paths.supports import SupportLoads, falling
 from cvxlimit.scene import Scene
+from cvxlimit.scene.settling import SupportMotion
+from cvxlimit.solution.bracket import Bracket
 
 FINEST, _STEPS, MOST = 1e-3, 8, 400
 """Share of the first step without an equilibrium nearer than which the structure falls; steps to
@@ -40,15 +46,22 @@ _AHEAD, JUMP = 1.5, 4.0
 slide, which change their pace as they like."""
 
 
+BEYOND = 1e-4
+"""Gap over the contact size up to which points count as closed where nothing is carried: more
+points carry more, and blocks that go on straight from their last step open joints by a little."""
+
+
 class Walk(Rest):
     """A path under way: the configurations so far, and the steps that lead on."""
 
     def __init__(
         self, scene: Scene, certify: str, reach: float, tell: Callable[[str], None], flow: Flow,
-        stretch: float = 0.0,
+        stretch: float = 0.0, motions: Sequence[SupportMotion] = (), far: float = 0.0,
     ) -> None:  # fmt: skip
-        super().__init__(scene, reach, flow, stretch)
-        self.certify, self.tell = certify, tell
+        super().__init__(scene, reach, flow, stretch, motions)
+        # How far supports are to move: as far as they can, unless that is given.
+        self.most = min(self.loads.most, far if motions and far > 0.0 else np.inf)
+        self.certify, self.tell, self.began = certify, tell, perf_counter()
         self.snaps: list[float] = []
         self.step = 0.0
 
@@ -77,13 +90,30 @@ class Walk(Rest):
         )
         if shown.is_followed and not bracket.is_proved:
             return found
-        return replace(found, shown=replace(shown, bracket=bracket, widest_gap=widest))
+        shown = replace(shown, bracket=bracket, widest_gap=widest)
+        if self.motions:
+            largest = self.largest_of(shown.points, found.pose, least)
+            shown = replace(shown, largest=largest)
+        return replace(found, shown=shown)
+
+    def largest_of(self, points: Points, pose: Pose, least: float) -> Bracket:
+        """Returns the largest reaction of supports that move: with their push turned round."""
+        back = SupportLoads(self.scene, self.motions, -1.0)
+        return bracket_of(self.scene, points, pose, back, self.flow, least)[0]
+
+    @property
+    def finest(self) -> float:
+        """Step without an equilibrium nearer than which the structure falls. How far supports may
+        move is what their path is made for: a digit more."""
+        return (0.1 if self.motions else 1.0) * FINEST * self.step
 
     def keep(self, found: At) -> None:
         """Add a configuration to the path, with its bracket if all are to have one."""
         found = self.proved(found) if self.certify == "all" else found
         self.found.append(found)
-        self.tell(f"w = {found.shown.w:.6g}: load factor {found.shown.load_factor:.6g}")
+        seconds = perf_counter() - self.began
+        at, factor = found.shown.w, found.shown.load_factor
+        self.tell(f"w = {at:.6g}: load factor {factor:.6g}, after {seconds:.0f} s")
 
     def distance(self, one: At, other: At) -> float:
         """Returns how far any block has moved between two configurations (length)."""
@@ -108,14 +138,19 @@ class Walk(Rest):
             since = "from the start" if len(self.found) == 1 else "where blocks are followed"
             return "zero", f"the load factor is no more than {until:g} {since}"
         h, pace = self._first_step(step, marks), np.inf
-        while len(self.found) <= MOST:
+        while len(self.found) <= MOST and not self.is_far:
             # One step, halved where no equilibrium is found.
             here = self.found[-1]
+            h = min(h, self.most - here.shown.w)
             there = self.settle(here, here.shown.w + h)
             if isinstance(there, Failed):
                 h *= 0.5
-                if h < FINEST * self.step:
+                if h < self.finest:
                     return there.kind, self.why(there.kind, there.moved)
+                continue
+            # No step leads over a zero that the slope so far has on its way.
+            if self._may_have_passed(here, there, until) and h > FINEST * self.step:
+                h = min(0.5 * h, _AHEAD * self._left(here, until))
                 continue
             # A jump on the way is enclosed, and both its ends belong to the path.
             if self._has_kept_a_jump(here, there, pace):
@@ -135,16 +170,58 @@ class Walk(Rest):
                 h = self._to_next(marks)
             else:
                 h = min(step, 2.0 * h) if step else self._longer(h, here, there, until)
-        return "steps", f"{MOST} configurations did not bring the load factor down to {until:g}"
+        return self.used_up(until)
+
+    def has_come(self, until: float) -> bool:
+        """Returns whether the last configuration is where the path was to end: at a load factor, or
+        where supports have moved as far as they should."""
+        here = self.found[-1]
+        return self.is_far if self.motions else here.shown.load_factor - until <= self.enough(here)
+
+    @property
+    def lasts(self) -> bool:
+        """Whether explicit steps know all that holds from the last configuration on."""
+        bonds = self.found[-1].bonds
+        return bonds is None or bonds.lasts
+
+    @property
+    def is_far(self) -> bool:
+        """Whether supports have moved as far as they should."""
+        return self.found[-1].shown.w >= self.most - CLOSED * self.step
+
+    def used_up(self, until: float) -> tuple[Ending, str]:
+        """Returns the end of a path that had its number of configurations, or whose supports have
+        moved as far as they should, and in words why."""
+        if self.is_far and self.most < self.loads.most:
+            return "zero", f"supports have moved by {self.most:g}, as was asked for"
+        if self.is_far:
+            return "steps", "supports have made a quarter turn, as far as they are followed"
+        what = "" if self.motions else f" did not bring the load factor down to {until:g}"
+        return "steps", f"{MOST} configurations{what or ', and the dead load is still carried'}"
 
     def _first_step(self, step: float | None, marks: FloatArray | None) -> float:
         """Returns the step to begin with: the one given, up to the next mark, and after explicit
         steps as far as these went."""
-        h = self.step = step or self.size / 40.0
+        h = self.step = step or self.size / (40.0 * self.loads.pace)
         h = h if marks is None else self._to_next(marks)
         before = self.found[-2:-1]
         is_after = before and before[0].shown.is_followed
         return min(h, self.found[-1].shown.w - before[0].shown.w) if is_after else h
+
+    def _left(self, here: At, until: float) -> float:
+        """Returns how far w is from where the load factor is ``until``, as the slope up to here has
+        it; infinite at first and where it does not fall."""
+        if len(self.found) < 2:
+            return np.inf
+        before = self.found[-2].shown
+        fall, way = before.load_factor - here.shown.load_factor, here.shown.w - before.w
+        return (here.shown.load_factor - until) * way / fall if fall > 0.0 else np.inf
+
+    def _may_have_passed(self, here: At, there: At, until: float) -> bool:
+        """Returns whether the load factor, which was falling, is higher again at the end of a step
+        on whose way it should have come down to ``until``."""
+        is_up = there.shown.load_factor > max(here.shown.load_factor, until + self.enough(there))
+        return is_up and self._left(here, until) < there.shown.w - here.shown.w
 
     def _has_kept_a_jump(self, here: At, there: At, pace: float) -> bool:
         """Returns whether there is a jump between two configurations. It is kept with what led
@@ -184,9 +261,27 @@ class Walk(Rest):
         fall = here.shown.load_factor - there.shown.load_factor
         fall /= there.shown.w - here.shown.w
         left = (there.shown.load_factor - until) / max(fall, 1e-300)
-        h = min(2.0 * h, (there.shown.w + left) / _STEPS, self.size / _STEPS)
+        h = min(2.0 * h, (there.shown.w + left) / _STEPS, self.size / (_STEPS * self.loads.pace))
         self.step = max(h, self.step)
         return h
+
+    def fallen(self) -> Configuration | None:
+        """Returns a configuration behind the last one at which no forces carry the dead load: the
+        blocks have gone on as they went before, by a step of the finest and by shorter ones."""
+        if len(self.found) < 2:
+            return None
+        before, here = self.found[-2:]
+        free, way = self.scene.free, here.shown.w - before.shown.w
+        d = here.pose.since(before.pose, free)
+        for share in (1.0, 2.0, 4.0, 8.0):
+            w = here.shown.w + share * self.finest
+            pose = self.loads.moved(here.pose, d * ((w - here.shown.w) / way))
+            points = self.start(here).points(pose)
+            points = points.closed(self.flow, BEYOND * self.size)
+            if falling(self.increment(points, pose)) is not None:
+                none = Ahead(0.0, np.zeros((len(points), 3)), d, 0.0)
+                return self._shown(pose, points, none, w, 0.0, 0).shown
+        return None
 
     def lost(self, one: At, other: At) -> tuple[str, ...]:
         """Returns what has come apart from one configuration to the other: cohesion and ties."""
@@ -231,7 +326,7 @@ class Walk(Rest):
         rise = self.loads.work(here.pose)[0] - self.loads.work(there.pose)[0] + more
         way = self.loads.size * (there.shown.w - here.shown.w) + farther
         area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
-        return abs(rise - area) > 0.01 * way * abs(self.found[0].shown.load_factor)
+        return abs(rise - area) > 0.01 * way * self.unit
 
     def _jump(self, here: At, there: At) -> list[At] | None:
         """Returns the last configuration before a jump and the first after it, if there is one, and
@@ -273,7 +368,7 @@ class Walk(Rest):
     def enough(self, found: At) -> float:
         """Returns how near to its end a path has to come, as a difference of load factors."""
         share = SLIDING if found.slides else 0.1 * ZERO
-        return share * abs(self.found[0].shown.load_factor)
+        return share * self.unit
 
     def _end(self, here: At, there: At, until: float) -> At:
         """Returns the configuration between two whose load factor is ``until``, or the nearest of
@@ -331,15 +426,18 @@ class Walk(Rest):
 
 def configuration_at(path: Path, displacement: float) -> Configuration:
     """Returns the configuration where ``path.displacement`` first reaches ``displacement``, solved
-    for between two of the path. After a snap, and where iterates between do not settle, as may
-    happen where joints slide, it is the second of these, which carries less."""
+    for between two of the path. After a snap, and where iterates between do not settle or settle on
+    what carries nothing between two that carry something, as may happen where joints slide, it is
+    the second of these, which carries less."""
     after = int(np.flatnonzero(path.displacement >= displacement)[0])
     there = path[after]
-    same = path.displacement[after] - displacement <= STILL * path.scene.contacts.typical_size
+    same = path.displacement[after] - displacement <= ROUNDING * path.start.contacts.typical_size
     if same or any(after == start for start, _ in path.pieces):
         return there
-    size = path.scene.contacts.typical_size
-    walk = Walk(path.scene, "all", REACH * size, lambda line: None, path.flow, path.stretch)
+    size = path.start.contacts.typical_size
+    walk = Walk(
+        path.start, "all", REACH * size, lambda line: None, path.flow, path.stretch, path.motions
+    )  # fmt: skip
     walk.resume(path)
     here, found = walk.found[after - 1], dict[float, At]()
 
@@ -353,7 +451,11 @@ def configuration_at(path: Path, displacement: float) -> Configuration:
     w = displacement
     with suppress(ArithmeticError):
         if path.control is not None:
-            w = float(brentq(beyond, here.shown.w, there.w, xtol=STILL * size))
+            w = float(brentq(beyond, here.shown.w, there.w, xtol=ROUNDING * size))
         if w not in found:
             beyond(w)
-    return walk.proved(found[w]).shown if w in found else there
+    if w not in found:
+        return there
+    shown = walk.proved(found[w]).shown
+    lost = shown.load_factor < min(0.0, here.shown.load_factor, there.load_factor)
+    return there if lost else shown

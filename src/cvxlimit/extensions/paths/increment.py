@@ -33,7 +33,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -133,6 +133,24 @@ class Loads:
         if self._bars.contacts.least.any():
             dead = dead + self._bars.least_load(pose)[self.scene.free]
         return dead.ravel(), live.ravel()
+
+    pace: ClassVar[Any] = 1.0
+    """How far blocks go for each w (length)."""
+
+    most: ClassVar[Any] = np.inf
+    """The largest w."""
+
+    def guided(self, statics: Statics, pose: Pose) -> Statics:
+        """Returns equilibrium as it is: no block is on a guide."""
+        return statics
+
+    def moved(self, pose: Pose, d: FloatArray) -> Pose:
+        """Returns the pose after finite displacements ``d`` (free blocks, 6)."""
+        return pose.moved(self.scene.free, d)
+
+    def placed(self, pose: Pose, w: float) -> Pose:
+        """Returns the pose with those blocks where they have to be at ``w``: none."""
+        return pose
 
     def work(self, pose: Pose) -> tuple[float, float]:
         """Returns the work of the dead and of the live load from the first pose to this one, along
@@ -267,11 +285,16 @@ class Increment:
     """The convex problems of one iterate, for blocks at a pose with points and loads.
 
     ``push`` is by how much the live load has yet to move, times the load: a number, or a CVXPY
-    Parameter, as ``gap`` (k,) and ``slip`` (k, 2) in ``goal`` may be.
+    Parameter, as ``gap`` (k,) and ``slip`` (k, 2) in ``goal`` may be. Blocks of a planar scene move
+    in its plane, whose normal is ``across`` (3,): with a displacement its mirror image is one, and
+    so is the mean of both.
     """
 
-    def __init__(self, scene: Scene, points: Points, pose: Pose, loads: Loads) -> None:
-        self.points, n = points, len(points)
+    def __init__(
+        self, scene: Scene, points: Points, pose: Pose, loads: Loads,
+        across: FloatArray | None = None,
+    ) -> None:  # fmt: skip
+        self.points, self.across, n = points, across, len(points)
         # Every point is a contact of one corner.
         size = scene.contacts.typical_size
         contacts = Contacts(
@@ -292,7 +315,7 @@ class Increment:
         contacts.__dict__["torsion_arm"] = np.full(n, size)
         number = np.full(len(scene.blocks), -1)
         number[scene.free] = np.arange(len(scene.free))
-        statics = Statics(contacts, pose.middle, number, *loads.at(pose))
+        statics = loads.guided(Statics(contacts, pose.middle, number, *loads.at(pose)), pose)
         dead, live = (load.reshape(-1, DOF) for load in (statics.dead, statics.live))
         scaling = Scaling.under(size, dead, live)
         self.assemblage = Assemblage(
@@ -370,6 +393,17 @@ class Increment:
                 break
         return best
 
+    def in_plane(self, d: FloatArray) -> FloatArray:
+        """Returns displacements (free blocks, 6) without what leaves the plane of a planar
+        scene, and what guides allow of them."""
+        if (guide := self.assemblage.statics.guide) is not None:
+            d = np.asarray(guide @ d.ravel()).reshape(-1, DOF)
+        if self.across is None:
+            return d
+        shift, turn = d[:, :3], d[:, 3:]
+        out, about = (np.outer(each @ self.across, self.across) for each in (shift, turn))
+        return np.concatenate([shift - out, about], axis=1)
+
     def _given(self, push: float, gap: FloatArray) -> Callable[[Stated], Any]:
         """Returns the goal of moving by ``push`` with gaps (k,), and the slips of the points."""
         slip = self.points.slip
@@ -395,7 +429,7 @@ class Increment:
             if y is not None and state.mechanism is not None and state.internal is not None:
                 n, v1, v2 = state.internal.reshape(3, -1)
                 forces = np.stack([n + self.points.least, scale * v1, scale * v2], axis=1)
-                d = state.mechanism * (scaling.live * scaling.length)
+                d = self.in_plane(state.mechanism * (scaling.live * scaling.length))
                 way = tuple(at for _, at in sorted(memory.get("way", {}).items()))
                 return Found(outcome, float(state.load_factor or 0.0), forces, d, way, y)
             if outcome.claims_no_optimum:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -18,6 +19,9 @@ from cvxlimit.geometry.nearby import nearby_pairs
 from cvxlimit.geometry.polygons import members_of
 from cvxlimit.results.movement import rotation
 from cvxlimit.scene import Scene
+
+CLOSED = 1e-6
+"""Gap, over the contact size, up to which a point is closed; overlaps that are wider count."""
 
 OPPOSED = -0.5
 """Largest cosine between normals of facets that may meet: they face each other within 60
@@ -86,7 +90,9 @@ class Pairs:
     ``normal`` and ``plane`` (2, P, 3) are of both sides' planes, ``block`` (2, P) their blocks. The
     E edges of each side's outlines stand pair by pair, each of its ``pair`` (E,), from a corner
     ``tail`` (E, 3) to the next, ``head``, counter-clockwise from outside, holes the other way;
-    ``beside`` is the normal of the face beyond the edge.
+    ``beside`` is the normal of the face beyond the edge. Overlaps count that are wider than
+    ``least`` (P,), as a standard deviation (length); ``is_closed`` (P,) tells the contacts of the
+    scene.
     """
 
     block: IntArray
@@ -96,6 +102,8 @@ class Pairs:
     head: tuple[FloatArray, FloatArray]
     beside: tuple[FloatArray, FloatArray]
     pair: tuple[IntArray, IntArray]
+    least: FloatArray
+    is_closed: BoolArray
 
     @cached_property
     def couples(self) -> tuple[IntArray, IntArray]:
@@ -121,12 +129,15 @@ class Facets:
         How far apart facets may be to meet (length).
     closed : array of int
         Keys of the pairs of facets whose gaps are counted from their common plane.
+    slivers : array of int
+        Keys of those that meet at first in a joint too narrow to be a contact of the scene, until
+        they meet in one that is wider than the joint tolerance.
     """
 
-    def __init__(self, scene: Scene, reach: float) -> None:
+    def __init__(self, scene: Scene, reach: float, moving: Collection[str] = ()) -> None:
         self.scene, self.reach, self.size = scene, reach, scene.contacts.typical_size
         self.vertices = [block.vertices for block in scene.blocks]
-        fixed = set(scene.supports)
+        fixed = {*scene.supports, *moving}  # contacts between supports do not count
         self.is_fixed = np.array([block.id in fixed for block in scene.blocks])
         outlines = [_outlines(block) for block in scene.blocks]
         self.block = np.repeat(np.arange(len(outlines)), [len(o) for o in outlines])
@@ -138,13 +149,22 @@ class Facets:
         self.normal = np.array([loop[3] for loop in loops])
         self.plane = np.add.reduceat(self.tail, self.start[:-1]) / np.diff(self.start)[:, None]
         self.tolerance = Reach.of(scene.blocks, scene.joint_tolerance).tolerance
-        self.closed = np.zeros(0, np.int64)
+        self.closed = self.slivers = np.zeros(0, np.int64)
         self.thickness = np.array([block.thickness for block in scene.blocks])
 
     def close(self, a: IntArray, b: IntArray) -> None:
         """Count the gaps of pairs of facets ``a`` and ``b`` (k,) from their common plane from now
         on."""
         self.closed = self._key(a, b)
+
+    def leave_out(self, a: IntArray, b: IntArray) -> None:
+        """Leave pairs of facets ``a`` and ``b`` (k,) out as long as they meet in slivers."""
+        self.slivers = self._key(a, b)
+
+    def sliver_blocks(self) -> tuple[IntArray, IntArray]:
+        """Returns the blocks (k,), (k,) that meet in slivers."""
+        a, b = np.divmod(self.slivers, len(self.block))
+        return self.block[a], self.block[b]
 
     def _key(self, a: IntArray, b: IntArray) -> IntArray:
         """Returns one number (k,) for each pair of facets."""
@@ -213,7 +233,8 @@ class Facets:
         plane = np.stack([self.plane[a], self.plane[b]])
         is_closed = np.isin(self._key(a, b), self.closed)
         common = normal[0] - normal[1]
-        common /= np.linalg.norm(common, axis=1)[:, None]
+        length = np.linalg.norm(common, axis=1)
+        common /= np.where(length > 0.0, length, 1.0)[:, None]  # of closed pairs alone it counts
         middle = 0.5 * (plane[0] + plane[1])
         sides = []
         for side in (0, 1):
@@ -227,7 +248,10 @@ class Facets:
             sides.append((tail, head, self.beside[place], pair))
         block = np.stack([self.block[a], self.block[b]])
         tails, heads, others, pairs = zip(*sides, strict=True)
-        return Pairs(block, normal, plane, tails, heads, others, pairs)
+        # Half the width is the standard deviation of points at both ends of it.
+        is_sliver = np.isin(self._key(a, b), self.slivers)
+        least = np.where(is_sliver, 0.5 * self.allowed(a, b), CLOSED * self.size)
+        return Pairs(block, normal, plane, tails, heads, others, pairs, least, is_closed)
 
 
 def _outlines(block: Block) -> list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:

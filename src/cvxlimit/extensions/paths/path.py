@@ -17,12 +17,17 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.doors import attached
-from cvxlimit.extensions.paths.configuration import CLOSED, Configuration, Flow
+from cvxlimit.extensions.paths.configuration import Configuration, Flow
+from cvxlimit.extensions.paths.pairs import CLOSED
+from cvxlimit.extensions.paths.supports import loads_of
 from cvxlimit.scene import Scene
+from cvxlimit.scene.settling import SupportMotion
 from cvxlimit.solution import Solution
-from cvxlimit.solution.kinematics import VISIBLE
+from cvxlimit.solution.bracket import Bracket
 
-Ending = Literal["zero", "falls", "blocked", "steps", "not-converged", "interrupted", "slides"]
+Ending = Literal[
+    "zero", "falls", "blocked", "steps", "not-converged", "interrupted", "slides", "not-decided"
+]
 
 ZERO = 1e-8
 """Load factors below this share of the first are zero: a path ends as near to it as that."""
@@ -30,13 +35,29 @@ ZERO = 1e-8
 SLIDING = 1e-3
 """The same where joints slide: the curve depends on the step by more."""
 
-LEVEL = 0.1
-"""A curve is level where it falls less than a tenth as fast as on the whole way, and a path slides
-away where that lasts for a tenth of the way while joints slide by more than they turn. What
-rocks falls at half to twice that pace; what slides is level until a support ends."""
+SHOWN = 1e-7
+"""Share of the first load factor that seven digits do not show: farther off its bracket a load
+factor is seen to lie below it."""
 
+LEVEL = 0.1
+"""A path slides away where its load factor stays the same, to ``SLIDING``, for a tenth of the way
+while joints slide by more than they turn. What rocks falls by a tenth of its load factor or so on a
+tenth of the way; what slides without turning keeps it until a support ends."""
+
+
+WITHIN = 0.02
+"""What half the step may change of a load factor, over the first one: a fiftieth, which no check of
+a displacement notices."""
 
 LEVEL_FOR = "joints slide at a level load factor for as far as contacts reach"
+
+
+class PathUnits(NamedTuple):
+    """Units of w, of the displacement and of the load factor: none, or that of a push."""
+
+    w: str
+    displacement: str
+    push: str
 
 
 class Work(NamedTuple):
@@ -72,7 +93,8 @@ class Path:
         follows; ``"blocked"`` where nothing can move on; ``"steps"`` where the number of steps ran
         out; ``"slides"`` where joints slide at a level load factor for the contact size, or for a
         tenth of the way until the number of steps ran out; ``"not-converged"``;
-        ``"interrupted"``.
+        ``"interrupted"``; ``"not-decided"`` where the run with half the step ends otherwise
+        (``halved.status``).
     reason : str
         The same in a sentence, with the names of blocks.
     flow : {"associated", "zero-dilatancy"}
@@ -93,13 +115,22 @@ class Path:
         Of a path that slides, or whose blocks come back from where reactions gave way, with steps
         that the package chose: the same with each step in two.
     until : float
-        Load factor that was asked for as its end.
+        Load factor that was asked for as its end; where supports move how far they were to, or 0.
     failures : tuple of (float, str)
         Joints that lost their cohesion and ties that broke: w before, and which.
     stretch : float
         Share of its length by which a tie could be stretched.
     other_flow : Path or None
         Of a path with configurations that are followed: the same by the other flow rule.
+    motions : tuple of SupportMotion
+        Of supports that move, under the dead load alone: w is how far the first of them has moved,
+        or turned (radians) without a direction, and the load factor what has to push it there,
+        which is less than no force where the structure pushes: see :attr:`reactions`.
+    fallen : Configuration or None
+        Of such a path the configuration behind its last one at which no forces carry the dead load,
+        whatever the reaction, if that is proved.
+    given : Scene or None
+        Of such a path its scene, with all supports.
     """
 
     format: ClassVar[str] = "cvxlimit-path"
@@ -120,6 +151,9 @@ class Path:
     failures: tuple[tuple[float, str], ...] = ()
     stretch: float = 0.0
     other_flow: Path | None = None
+    motions: tuple[SupportMotion, ...] = ()
+    fallen: Configuration | None = None
+    given: Scene | None = None
 
     def __len__(self) -> int:
         return len(self.configurations)
@@ -141,8 +175,21 @@ class Path:
 
     @property
     def scene(self) -> Scene:
-        """The scene that the path began with."""
+        """The scene that the path began with, whose supports may move."""
+        return self.given or self.start
+
+    @property
+    def start(self) -> Scene:
+        """The same as it was followed: supports that move are free blocks, which are pushed."""
         return self.configurations[0].start
+
+    @property
+    def units(self) -> PathUnits:
+        """Radians and moments where supports turn without a direction."""
+        length, force = self.scene.units.length, self.scene.units.force
+        is_turn = bool(self.motions) and not any(self.motions[0].direction)
+        w, push = ("rad", f"{force} {length}") if is_turn else (length, force)
+        return PathUnits(w, w if self.control is None else length, push if self.motions else "")
 
     @cached_property
     def w(self) -> FloatArray:
@@ -154,6 +201,21 @@ class Path:
         """(steps + 1,), the first that of the scene as given with friction at points."""
         return np.array([c.load_factor for c in self.configurations])
 
+    @property
+    def reactions(self) -> FloatArray:
+        """Least and largest reaction along the motion of supports at every configuration, each as
+        lower and upper bound (steps + 1, 4): positive where the structure pushes them on. NaN of
+        what has no bracket."""
+        none = Bracket(np.nan, np.nan)
+        both = [(c.bracket or none, c.largest or none) for c in self]
+        return np.array([(-one.upper, -one.lower, two.lower, two.upper) for one, two in both])
+
+    @property
+    def largest_movement(self) -> tuple[float, float]:
+        """How far supports move until the structure falls: the last w that carries the dead load,
+        and the first beyond it that is proved not to; infinite where none is."""
+        return float(self.w[-1]), float("inf") if self.fallen is None else self.fallen.w
+
     @cached_property
     def displacement(self) -> FloatArray:
         """Of the control block's centroid along its direction (steps + 1,); w without one."""
@@ -163,6 +225,19 @@ class Path:
         along = np.asarray(direction, dtype=float)
         along = along / np.linalg.norm(along)
         return np.array([c.displacements[block][:3] @ along for c in self.configurations])
+
+    def openings(self, i: int) -> dict[str, float]:
+        """How far joints of the scene have opened at configuration ``i``, at their widest corner
+        (length), by name, the widest first; without those that are closed."""
+        contacts, pose = self.scene.contacts, self[i].pose
+        owner, x = contacts.corner_contact, contacts.corner_points
+        a, b = contacts.a[owner], contacts.b[owner]
+        n = pose.turned(a, contacts.axes[owner, 2])
+        wide = np.zeros(len(contacts))
+        np.maximum.at(wide, owner, ((pose.placed(b, x) - pose.placed(a, x)) * n).sum(axis=1))
+        near = CLOSED * contacts.typical_size
+        order = [j for j in np.argsort(-wide, kind="stable").tolist() if wide[j] > near]
+        return {contacts.names[j]: float(wide[j]) for j in order}
 
     @cached_property
     def in_joints(self) -> tuple[dict[str, tuple[float, float]], ...]:
@@ -199,24 +274,33 @@ class Path:
     @cached_property
     def slides_away(self) -> bool:
         """True if the load factor stays level because joints slide: such a path has no d0, since it
-        ends where supports were drawn to end."""
-        w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
-        is_so = slides_at_first(self.initial, self.scene.contacts.typical_size)
-        is_so &= bool(alpha.max() <= (1.0 + LEVEL) * alpha[0])
-        return is_so or self.level_for(LEVEL * w[-1])
+        ends where what it slides on was drawn to end."""
+        return not self.motions and self.level_for(LEVEL * self.w[self._last])
 
     def level_for(self, way: float) -> bool:
         """Whether the load factor is level for more than ``way`` of w while joints slide by more
         than they turn."""
+        low, high = self.level
+        return high - low > way
+
+    @cached_property
+    def level(self) -> tuple[float, float]:
+        """From which w to which the load factor is level for longest while joints slide by more
+        than they turn; twice 0 where it never is."""
         w, alpha = self.w[: self._last + 1], self.load_factor[: self._last + 1]
-        if not self.slides or w[-1] <= way:
-            return False
-        least = max(LEVEL * (alpha[0] - alpha[-1]), SLIDING * abs(alpha[0])) / w[-1]
-        level = np.diff(w) * (np.abs(np.diff(alpha)) < least * np.diff(w))
-        if level.sum() <= way:
-            return False
+        best = 0.0, 0.0
+        if not self.slides or len(w) < 2:
+            return best
         slip, turn = self._moved.T
-        return bool(level[slip > turn].sum() > way)
+        unit, begin = SLIDING * abs(float(alpha[0])), 0
+        for end in range(1, len(w)):
+            if not slip[end - 1] > turn[end - 1]:
+                begin = end
+            while np.ptp(alpha[begin : end + 1]) > unit:
+                begin += 1
+            if w[end] - w[begin] > best[1] - best[0]:
+                best = float(w[begin]), float(w[end])
+        return best
 
     @cached_property
     def sliding_joints(self) -> dict[str, float]:
@@ -229,10 +313,37 @@ class Path:
         order = sorted(found, key=lambda name: -found[name])
         return {name: found[name] for name in order if found[name] > LEVEL * found[order[0]] > 0.0}
 
+    def ends_like(self, other: Path) -> bool:
+        """Whether another run ends as this one: both slide away, or carry nothing any more, or stop
+        for the same reason; one that falls carries nothing where the other one comes to zero."""
+        one, two = (
+            "slides" if run.slides_away
+            else "zero" if run.load_factor[run._last] <= run.until + run._zero
+            else run.status
+            for run in (self, other)
+        )  # fmt: skip
+        ends = self.displacement[self._last], other.displacement[other._last]
+        is_near = abs(ends[1] - ends[0]) <= LEVEL * abs(ends[0])
+        return one == two or ({one, two} == {"zero", "falls"} and bool(is_near))
+
     @property
     def followed(self) -> str:
         """How many configurations are followed and what these lack, in words; empty of none."""
         return attached("path_followed")(self)
+
+    @cached_property
+    def change(self) -> float:
+        """What half the step changes most of load factors at the same w, over the first one; of the
+        reactions of supports that move, over the weight. NaN without :attr:`halved`."""
+        half = self.halved
+        if half is None:
+            return float("nan")
+        reached = self.w[self.w <= half.w[-1]]
+        change = np.interp(reached, half.w, half.load_factor) - self.load_factor[: len(reached)]
+        unit = abs(float(self.load_factor[0]))
+        if self.motions:
+            unit = self.start.total_weight * loads_of(self.start, self.motions).pace
+        return float(change[np.abs(change).argmax()]) / unit
 
     @property
     def ending(self) -> str:
@@ -252,8 +363,21 @@ class Path:
         return attached("path_headline")(self)
 
     @property
+    def below(self) -> list[bool]:
+        """Which configurations (steps + 1,) carry more than the path's load factor: it lies below
+        their bracket where joints slide without dilatancy, or blocks are followed. A reaction of
+        supports that move lies between the least and the largest, and is none of them."""
+        if self.motions:
+            return [False] * len(self)
+        near = SHOWN * abs(float(self.load_factor[0]))
+        lower = [-np.inf if c.bracket is None else c.bracket.lower for c in self]
+        return [bool(c.load_factor < end - near) for c, end in zip(self, lower, strict=True)]
+
+    @property
     def _zero(self) -> float:
         """Load factor up to which it counts as zero."""
+        if self.motions:  # a reaction of any sign
+            return -np.inf
         return (SLIDING if self.slides else ZERO) * abs(float(self.load_factor[0]))
 
     @property
@@ -358,15 +482,3 @@ class Path:
 def other_than(flow: Flow) -> Flow:
     """Returns the other flow rule."""
     return "zero-dilatancy" if flow == "associated" else "associated"
-
-
-def slides_at_first(initial: Solution | None, size: float) -> bool:
-    """Returns whether all that the mechanism at rest does is slide: it stays so, whatever steps
-    show of it; turns count by the typical contact ``size``."""
-    rates = (initial and initial.mechanism) or {}
-    dilatancy = None if initial is None else initial.dilatancy
-    if not rates or dilatancy is None or dilatancy.share <= LEVEL:
-        return False
-    each = np.array([*rates.values()])
-    shift, turn = (np.linalg.norm(each[:, k : k + 3], axis=1).max() for k in (0, 3))
-    return bool(turn * size <= VISIBLE * shift)

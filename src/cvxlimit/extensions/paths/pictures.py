@@ -25,7 +25,7 @@ from cvxlimit.plotting.pictures.webpage import Page, path_page, sentences
 from cvxlimit.plotting.registry import figures
 from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, motions_of
-from cvxlimit.solution.bracket import rounded
+from cvxlimit.solution.bracket import Bracket, rounded
 
 _PAUSE = 0.25
 """Seconds that a film shows a configuration for."""
@@ -42,39 +42,45 @@ def draw_path(
 
 
 def curve(path: Path, **options: Any) -> Any:
-    """A figure of load factor over displacement, with the bracket of each configuration."""
+    """A figure of load factor over displacement, with the bracket of each configuration; of
+    supports that move of their reaction, from the least to the largest."""
     chart = figures("sheet").Sheet.of((6.4, 4.4), **options)
-    _draw_pieces(chart.axes, path.displacement, path.load_factor, path.pieces, "load factor")
+    heights = _heights(path)
+    _draw_pieces(chart.axes, path.displacement, heights, path.pieces, _ordinate(path))
     # What has come apart: cohesion of joints, and ties.
     torn = [k - 1 for k, what in enumerate(path.failed) if what]
     if torn:
-        at = path.displacement[torn], path.load_factor[torn]
+        at = path.displacement[torn], heights[torn]
         chart.axes.plot(*at, "x", color=Style.red, ms=7, label="cohesion or tie gone from there on")
     # The same path with half the step, where it was followed twice to see what steps change.
     if (half_step := path.halved) is not None:
         label = "with half the step"
         for part in (slice(*piece) for piece in half_step.pieces):
-            curve = half_step.displacement[part], half_step.load_factor[part]
+            curve = half_step.displacement[part], _heights(half_step)[part]
             chart.axes.plot(*curve, color=Style.amber, lw=0.9, label=label)
             label = "_"
     if (other := path.other_flow) is not None:
         label = f"{other.flow}, where blocks are followed"
-        chart.axes.plot(other.displacement, other.load_factor, color=Style.amber, ls="--", lw=0.9,
+        chart.axes.plot(other.displacement, _heights(other), color=Style.amber, ls="--", lw=0.9,
                         label=label)  # fmt: skip
     if followed := [i for i, each in enumerate(path) if each.is_followed]:
-        at = path.displacement[followed], path.load_factor[followed]
+        at = path.displacement[followed], heights[followed]
         look = {"color": Style.blue, "mfc": "white", "ms": 4.5}
         chart.axes.plot(*at, "o", **look, label="followed, not at rest")
     # Only the first bracket has an entry in the legend: matplotlib leaves out labels like "_".
     label = "bracket of a configuration"
-    for x, each in zip(path.displacement, path, strict=True):
-        if each.bracket is not None and each.bracket.has_both:
-            ends = [each.bracket.lower, each.bracket.upper]
-            chart.axes.plot([x, x], ends, "_-", color=Style.violet, lw=1.2, ms=9, label=label)
-            label = "_"
-    chart.axes.set_xlim(left=min(0.0, chart.axes.dataLim.x0))
+    brackets = [each.bracket or Bracket(np.nan, np.nan) for each in path]
+    ends = np.array([(each.lower, each.upper) for each in brackets])
+    if path.motions:
+        label, ends = "least to largest, with their bounds", path.reactions[:, [0, 3]]
+    for i in np.flatnonzero(np.isfinite(ends).all(axis=1)):
+        x = path.displacement[[i, i]]
+        chart.axes.plot(x, ends[i], "_-", color=Style.violet, lw=1.2, ms=9, label=label)
+        label = "_"
+    left = -0.01 * path.displacement[-1] if path.motions else 0.0  # where reactions are a range
+    chart.axes.set_xlim(left=min(left, chart.axes.dataLim.x0))
     proved = figures("sheet").lines_of(_PROVED, chart.letters(10.0), 0.8 * chart.width)
-    chart.axes.set(xlabel="\n".join([_control(path), *proved]), ylabel="load factor")
+    chart.axes.set(xlabel="\n".join([_control(path), *proved]), ylabel=_ordinate(path))
     chart.write(_title(path))
     return chart.figure
 
@@ -133,7 +139,8 @@ def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
 def page(path: Path) -> Page:
     """A page, one file that needs no network, with a slider over the configurations beside the
     curve."""
-    curve = {**_numbers(path), "texts": _texts(path)}
+    of = "Reaction over movement" if path.motions else "Load factor over displacement"
+    curve = {**_numbers(path), "texts": _texts(path), "of": of, "unit": path.units.displacement}
     curve["half"] = None if path.halved is None else _numbers(path.halved)
     reason = "" if path.reason == path.headline else path.reason
     advice = sentences(path.headline, reason, *path.notes, PROVES)
@@ -143,8 +150,13 @@ def page(path: Path) -> Page:
 
 def _numbers(path: Path) -> dict[str, Any]:
     """The curve as numbers that fit into JSON."""
-    d, alpha = path.displacement.tolist(), path.load_factor.tolist()
-    return {"displacement": d, "load_factor": alpha, "pieces": path.pieces}
+    d, heights = path.displacement.tolist(), _heights(path).tolist()
+    return {"displacement": d, "load_factor": heights, "pieces": path.pieces}
+
+
+def _heights(path: Path) -> FloatArray:
+    """What the curve is of: the load factor, or the reaction of supports that move."""
+    return -path.load_factor if path.motions else path.load_factor
 
 
 def _motions(path: Path) -> list[Motion]:
@@ -153,15 +165,20 @@ def _motions(path: Path) -> list[Motion]:
 
 def _texts(path: Path) -> list[str]:
     """What is written below each configuration: its load factor and displacement."""
-    unit = printable(path.scene.units.length)
+    _, unit, push = map(printable, path.units)
+    what, of = ("reaction", f" {push}") if path.motions else ("load factor", "")
     return [
-        f"load factor {round(each.load_factor, DIGITS) + 0.0:.{DIGITS}f} at {x:.4g} {unit}"
+        f"{what} {round(y, DIGITS) + 0.0:.{DIGITS}f}{of} at {x:.4g} {unit}"
         + ", followed" * each.is_followed
-        for x, each in zip(path.displacement, path, strict=True)
+        for x, y, each in zip(path.displacement, _heights(path), path, strict=True)
     ]
 
 
 def _title(path: Path) -> str:
+    if path.motions:
+        end = "falls" if path.status == "falls" else path.ending
+        unit = printable(path.units.w)
+        return f"{printable(path.scene.name)}: {end} at {path.w[-1]:.5g} {unit} of movement"
     begin = "at rest" if path.initial is not None else "where it starts, displaced"
     start = f"load factor {rounded(path.load_factor[0], DIGITS)} {begin}"
     unit = printable(path.scene.units.length)
@@ -176,7 +193,15 @@ def _title(path: Path) -> str:
     )
 
 
+def _ordinate(path: Path) -> str:
+    """What the curve is of."""
+    push = printable(path.units.push)
+    return f"reaction ({push})" if path.motions else "load factor"
+
+
 def _control(path: Path) -> str:
     """The label of the horizontal axis: whose displacement it is."""
+    if path.motions and path.control is None:
+        return f"movement of the supports ({printable(path.units.w)}); reaction along it"
     of = "mean of the live load" if path.control is None else f"block {path.control[0]!r}"
-    return f"displacement ({printable(path.scene.units.length)}), {printable(of)}"
+    return f"displacement ({printable(path.units.displacement)}), {printable(of)}"

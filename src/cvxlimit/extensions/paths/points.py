@@ -13,19 +13,17 @@ unit.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.extensions.paths.bonds import Bonds, tangents
-from cvxlimit.extensions.paths.configuration import CLOSED, Points
-from cvxlimit.extensions.paths.pairs import Facets, Pairs, Pose
+from cvxlimit.extensions.paths.configuration import Points
+from cvxlimit.extensions.paths.pairs import CLOSED, Facets, Pairs, Pose
 from cvxlimit.scene import Scene
-
-NEAR = 1e-9
-"""Rounding of directions, up to which they count as parallel or perpendicular."""
 
 SETTLED = 1e-7
 """Largest movement, over the contact size, that iterates may leave. Flush blocks are flush to that
@@ -74,11 +72,12 @@ class Start:
         return start
 
     @classmethod
-    def first(cls, scene: Scene, reach: float) -> Self:
+    def first(cls, scene: Scene, reach: float, moving: Collection[str] = ()) -> Self:
         """Returns the start from the scene as given, where pairs of facets that face each other
-        within the joint tolerance count as closed; ``reach`` (length) is how far apart facets may
-        be to meet."""
-        facets, pose = Facets(scene, reach), Pose.first(scene)
+        within the joint tolerance count as closed, and those that are no contact of the scene,
+        since they meet in a sliver, are left out; ``reach`` (length) is how far apart facets may
+        be to meet, and ``moving`` are supports among the free blocks."""
+        facets, pose = Facets(scene, reach, moving), Pose.first(scene)
         a, b = facets.near(pose)
         start = cls(facets, pose, facets.pairs(a, b), np.zeros(len(a), dtype=bool), 0.0)
         found, pair, _ = _met(start, pose)
@@ -86,11 +85,23 @@ class Start:
         np.maximum.at(most, pair, np.abs(found.gap))
         is_closed = (np.bincount(pair, minlength=len(a)) > 2) & (most <= facets.allowed(a, b))
         facets.close(a[is_closed], b[is_closed])
+        a, b = a[is_closed], b[is_closed]
+        is_sliver = ~_are_contacts(facets, a, b)
+        facets.leave_out(a[is_sliver], b[is_sliver])
         return cls.at(facets, pose)
 
     def points(self, pose: Pose) -> Points:
         """Returns all points at a pose, with slips since the start."""
         return self.numbered(pose)[0]
+
+    def at_rest(self) -> Points:
+        """Returns the closed points of joints that are contacts of the scene, and of bars, where
+        blocks are at first: edges and corners that touch beside them bear from the first step
+        on."""
+        points, pair, _ = _met(self, self.pose)
+        kept = (points.gap <= CLOSED * self.facets.size) & self.pairs.is_closed[pair]
+        points = points.take(kept)
+        return points if self.bonds is None else self.bonds.on(points, kept[kept], self.pose)
 
     def numbered(self, pose: Pose) -> tuple[Points, IntArray]:
         """Returns all points at a pose, and ascending numbers (k,) that name the same points at
@@ -99,6 +110,30 @@ class Start:
         if self.bonds is not None:
             points = self.bonds.on(points, self.touches[pair], pose)
         return points, number
+
+
+def _are_contacts(facets: Facets, a: IntArray, b: IntArray) -> BoolArray:
+    """Returns which pairs of facets (k,) meet, where blocks are at first, in a contact of a scene:
+    between the same blocks, and somewhere on the same place."""
+    contacts, near = facets.scene.contacts, facets.allowed(a, b)
+    found = np.zeros(len(a), dtype=bool)
+    blocks = np.sort(np.stack([contacts.a, contacts.b]), axis=0)
+    start = contacts.corner_start
+    for i, (one, other) in enumerate(
+        np.sort([facets.block[a], facets.block[b]], axis=0).T.tolist()
+    ):
+        corners = [facets.tail[slice(*facets.start[k : k + 2])] for k in (a[i], b[i])]
+        for j in np.flatnonzero((blocks[0] == one) & (blocks[1] == other)).tolist():
+            if start[j] == start[j + 1]:
+                continue
+            # On the contact's plane both facets and its corners have boxes that meet.
+            axes, flat = contacts.axes[j], contacts.corner_xy[start[j] : start[j + 1]]
+            own = [(x - contacts.origin[j]) @ axes.T for x in corners]
+            low = np.max([flat.min(0), *(x[:, :2].min(0) for x in own)], axis=0)
+            high = np.min([flat.max(0), *(x[:, :2].max(0) for x in own)], axis=0)
+            off = max(np.abs(x[:, 2]).min() for x in own)
+            found[i] |= bool((high - low > near[i]).all() and off <= near[i])
+    return found
 
 
 class _Edges(NamedTuple):
@@ -134,7 +169,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     one, other = (_Edges.of(pairs, k, pose, plane[0], basis) for k in (0, 1))
 
     # Points of the overlap: corners of either side over the other facet, and crossings of edges.
-    is_parallel = np.einsum("px,px->p", normal[0], normal[1]) < NEAR - 1.0
+    is_parallel = np.einsum("px,px->p", normal[0], normal[1]) < ROUNDING - 1.0
     corner = _corners(pairs, one, other, is_parallel, SETTLED * size)
     crossed, s, t = _crossings(pairs, one, other, SETTLED * size)
     i, j = (edges[crossed] for edges in pairs.couples)
@@ -156,7 +191,7 @@ def _met(begin: Start, pose: Pose) -> tuple[Points, IntArray, IntArray]:
     a, b = pairs.block[:, pair]
     is_kept = gap >= -DEEP * np.minimum(facets.thickness[a], facets.thickness[b])
     is_kept[len(x) - len(crossed) :] &= ~is_apart | (gap[len(x) - len(crossed) :] >= 0.0)
-    kept = np.flatnonzero(is_kept & (_widths(pair, x, basis) > CLOSED * size)[pair])
+    kept = np.flatnonzero(is_kept & (_widths(pair, x, basis) > pairs.least)[pair])
     a, b, x, n, gap, pair = a[kept], b[kept], x[kept], n[kept], gap[kept], pair[kept]
     more = np.cumsum([0, len(one.tail), len(other.tail)])
     number = np.concatenate([more[0] + corner[0], more[1] + corner[1], more[2] + crossed])[kept]
@@ -200,7 +235,7 @@ def _ways(
     for k, sign in ((0, 1.0), (1, -1.0)):
         own = normal[k][pair]
         beside = pose.turned(pairs.block[k][pair], pairs.beside[k][at[k]])
-        least = NEAR * np.linalg.norm(along[k], axis=1)
+        least = ROUNDING * np.linalg.norm(along[k], axis=1)
         inwards = np.cross(own, along[k]), np.cross(along[k], beside)
         for face, inward in zip((own, beside), inwards, strict=True):
             beyond = sign * np.einsum("kx,kx->k", way, inward) > least
@@ -278,7 +313,7 @@ def _crossings(
     along, beside = head - tail, other.flat_head[j] - other.flat_tail[j]
     lengths = np.linalg.norm(along, axis=1), np.linalg.norm(beside, axis=1)
     turn, offset = _cross(along, beside), other.flat_tail[j] - tail
-    is_plain = np.abs(turn) > NEAR * lengths[0] * lengths[1]
+    is_plain = np.abs(turn) > ROUNDING * lengths[0] * lengths[1]
     divisor = np.where(is_plain, turn, 1.0)
     s, t = _cross(offset, beside) / divisor, _cross(offset, along) / divisor
     for share, length in zip((s, t), lengths, strict=True):

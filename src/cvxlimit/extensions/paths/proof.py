@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from cvxlimit.extensions.paths.configuration import CLOSED, Flow, Points
+from cvxlimit.extensions.paths.configuration import Flow, Points
 from cvxlimit.extensions.paths.increment import FINE, Increment, Loads, point_forces
-from cvxlimit.extensions.paths.pairs import Pose
+from cvxlimit.extensions.paths.pairs import CLOSED, Pose
 from cvxlimit.model.assemblage import Balance
 from cvxlimit.model.statement import Stated, largest_self_stress
 from cvxlimit.proof.certificate import Certifier

@@ -59,6 +59,7 @@ class Proximal:
 
     def __init__(self, given: Increment, radius: FloatArray) -> None:
         self.points, self.statics = given.points, given.assemblage.statics
+        self.in_plane = given.in_plane
         self.scaling = given.assemblage.scaling
         scaled = self.scaling.apply(self.statics)
         size, k = self.scaling.length, len(self.points)
@@ -153,7 +154,7 @@ class Proximal:
         """Returns d (free blocks, 6), the first of the unknowns."""
         each = x[: len(self.dead)].reshape(-1, DOF) * self.scaling.length
         each[:, 3:] /= self.scaling.length
-        return each
+        return self.in_plane(each)
 
 
 def go_on(walk: Walk, until: float, is_level: Callable[[], bool]) -> tuple[Ending, str] | None:
@@ -165,24 +166,31 @@ def go_on(walk: Walk, until: float, is_level: Callable[[], bool]) -> tuple[Endin
     way = here.shown.w - before.shown.w or walk.step
     pose, begin = here.pose, walk.start(here)
     ahead = _ahead(walk, begin.points(pose), pose, way, before.pose)
-    while len(walk.found) <= MOST:
+    while len(walk.found) <= MOST and not walk.is_far:
         # Towards the next configuration near equilibrium: what falls gets near none.
         for _ in range(round(REACH / FARTHEST)):
             if ahead is None:
                 return "not-converged", "no explicit step has an answer"
             moved = walk.moved(ahead.d)
             share = min(1.0, FARTHEST * size / float(moved.max()))
-            pose = pose.moved(walk.scene.free, share * ahead.d)
+            pose = walk.loads.moved(pose, share * ahead.d)
             w, points = walk.loads.work(pose)[1] / walk.loads.size, begin.points(pose)
             way = max(1.5 * (w - here.shown.w), FINEST * walk.step)
-            way = min(way, (1.0 - FARTHEST) * walk.step)  # which turns lengthen
+            way = min(way, (1.0 - FARTHEST) * walk.step, max(walk.most - w, FINEST * walk.step))
             ahead = _ahead(walk, points, pose, way, here.pose)
             if w > here.shown.w and ahead and ahead.residual <= LACKS:
                 break
         else:
             return "falls", walk.why("falls", moved)
+        # Ties that came apart on the way do not hold there, so that the way is gone without them.
+        left = here.bonds and here.bonds.holding(pose)
+        if here.bonds and left and here.bonds.lost(left):
+            here = replace(here, bonds=left)
+            pose, begin = here.pose, walk.start(here)
+            ahead = _ahead(walk, begin.points(pose), pose, way, pose)
+            continue
         there = walk.followed(pose, points, ahead, w, here.shown.w)
-        there = replace(there, bonds=here.bonds and here.bonds.after(pose))
+        there = replace(there, bonds=left and left.after(pose))
         walk.keep(there)
         if there.shown.load_factor <= until:
             return "zero", f"the load factor is no more than {until:g} where blocks are followed"
@@ -195,7 +203,7 @@ def go_on(walk: Walk, until: float, is_level: Callable[[], bool]) -> tuple[Endin
                 walk.keep(rest)
                 return None
         here, begin = there, walk.start(there)
-    return "steps", f"{MOST} configurations did not bring the load factor down to {until:g}"
+    return walk.used_up(until)
 
 
 def _goes_on(walk: Walk, here: At, there: At, rest: At) -> bool:
@@ -210,9 +218,9 @@ def _goes_on(walk: Walk, here: At, there: At, rest: At) -> bool:
 def _ahead(walk: Walk, points: Points, pose: Pose, way: float, before: Pose) -> Ahead | None:
     """Returns the explicit step from a pose by ``way`` of w. Without dilatancy joints first slide
     as they did since ``before``, or all as far as the live load goes."""
-    step, slides = Proximal(Increment(walk.scene, points, pose, walk.loads), walk.radius), None
+    step, slides = Proximal(walk.increment(points, pose), walk.radius), None
     if not walk.has_dilatancy:
         is_first = pose is before
         d = pose.since(before, walk.scene.free)
-        slides = np.full(len(points), way) if is_first else step.slides(d)
+        slides = np.full(len(points), way * walk.loads.pace) if is_first else step.slides(d)
     return step.solve(way * walk.loads.size, slides)

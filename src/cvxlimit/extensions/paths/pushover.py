@@ -12,25 +12,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Literal, get_args
 
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import count, is_number, not_negative, positive
+from cvxlimit.base.progressbar import Progress, heard_by
 from cvxlimit.errors import InputError, ModelError, NoAnswerError
 from cvxlimit.extensions.paths.configuration import Flow
 from cvxlimit.extensions.paths.following import Walk
-from cvxlimit.extensions.paths.path import LEVEL_FOR, Ending, Path, other_than
+from cvxlimit.extensions.paths.path import LEVEL_FOR, WITHIN, Ending, Path, other_than
 from cvxlimit.extensions.paths.proximal import go_on
 from cvxlimit.extensions.paths.refusing import no_path, refuse, stands
-from cvxlimit.extensions.paths.resting import REACH
+from cvxlimit.extensions.paths.resting import FAR, REACH, At, Rest
 from cvxlimit.extensions.paths.starting import begun, with_resultants
+from cvxlimit.extensions.paths.supports import guided
+from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
 from cvxlimit.results.movement import checked_control
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
+from cvxlimit.scene.settling import SupportMotion
 from cvxlimit.solution import Solution
+from cvxlimit.solution.bracket import TOLERANCE
 
 SLIDES = {
     "associated": "joints slide on the way, so that the curve depends on the step, on the unsafe "
@@ -44,6 +50,11 @@ DISPLACED = (
     "start; there is no load factor at rest"
 )
 
+MOVED = (
+    "supports move under the dead load alone: the load factor is what has to push them, and the "
+    "reaction along the motion has its sign turned"
+)
+
 TURN, KEEP = (
     f"pressures stay on their faces as large as they were, and {what}"
     for what in ("turn with them", "keep their direction: point loads at their centres")
@@ -52,6 +63,22 @@ TURN, KEEP = (
 PUSHES = (
     "reactions have no stiffness: they push with their most as soon as blocks move against them, "
     "however little"
+)
+
+GIVEN, LEVEL_ON = (
+    f"what half the step changes was not looked at: {why}"
+    for why in ("the step was given", "the load factor is level from the start")
+)
+
+SYMMETRIC = (
+    "the scene is symmetric, and from w = {w:.4g} on its path is not: what weakens as it moves "
+    "falls on one side first, and its mirror image is another path"
+)
+
+BETWEEN = (
+    "0 lies between the solutions: without dilatancy one load factor at rest is {low:.6g}, with it "
+    "the largest is {high:.6g}, so that the dead load may fall alone, by what the blocks have been "
+    "through, and no path begins"
 )
 
 TURNED = (
@@ -76,10 +103,11 @@ def pushover(
     certify: Literal["all", "last", "none"] = "all",
     reach: float | None = None,
     halvings: int = 1,
-    within: float = 0.02,
+    within: float = WITHIN,
     pressures: Literal["turning", "keeping"] | None = None,
     stretch: float | None = None,
-    progress: Callable[[str], None] | None = None,
+    motion: SupportMotion | Sequence[SupportMotion] | None = None,
+    progress: Progress = None,
 ) -> Path:
     """The path of a structure after its collapse load factor, in finite displacements.
 
@@ -106,7 +134,8 @@ def pushover(
         joints slide, or blocks come back from where reactions gave way, the whole again with each
         step in two (``path.halved``). Where no equilibrium is found, a step is halved.
     until : float
-        Load factor at which the path ends.
+        Load factor at which the path ends; of supports that move how far they do (w), 0 for as far
+        as the structure stands.
     flow : {"associated", "zero-dilatancy"} or None
         In steps along which joints slide they open by friction times slip, or not at all; None: as
         the path to go on from, otherwise the first. Where none slides, both are the same.
@@ -130,14 +159,19 @@ def pushover(
         How far a tie is stretched at its strength before it is gone, as a share of its length: a
         material's elongation at rupture. None: 0, a tie is gone once it has yielded; of a path to
         go on from as before.
-    progress : callable or None
-        Called with a line of text for every configuration.
+    motion : SupportMotion or sequence of them, or None
+        Supports that move and turn, exactly, under the dead load alone, until no forces carry it:
+        the live load does not matter, and ``path.reactions`` has their reaction along the motion.
+        w is the way of the first one, or its angle (radians) where it only turns.
+    progress : bool, callable or None
+        Called with a line of text for every configuration; True writes it on stderr.
 
     Returns
     -------
     Path
         Where it was interrupted, up to there. Where its load factor stays level because joints
-        slide (``path.slides_away``), its ``reason`` names these, and it has no ``d0``.
+        slide (``path.slides_away``), its ``reason`` names these, and it has no ``d0``. Its
+        ``to_dataframe()`` has a row per configuration.
 
     Raises
     ------
@@ -159,9 +193,19 @@ def pushover(
     ('zero', 0.4, 0.2)
     """
     before = scene if isinstance(scene, Path) else None
-    scene = scene.scene if isinstance(scene, Path) else scene
+    scene, given = (scene.start, scene.given) if isinstance(scene, Path) else (scene, None)
     check_scene(scene)
-    scene, why_not = begun(scene)
+    motions = (motion,) if isinstance(motion, SupportMotion) else tuple(motion or ())
+    if before is not None:
+        if motions and motions != before.motions:
+            raise ModelError("a path goes on with its own motions: leave motion out")
+        motions = before.motions
+    elif motions:
+        reaction = settlement(scene, motions)
+        if reaction.value is None:
+            raise NoAnswerError(
+                f"no path begins at scene {scene.name!r}: {reaction.solution.status}"
+            )
     for name, value in (("flow", flow), ("certify", str(certify)), ("pressures", pressures)):
         if value not in (None, *_CHOICES[name]):
             known = ", ".join(_CHOICES[name])
@@ -172,6 +216,9 @@ def pushover(
         )
     keeps = pressures == "keeping" and bool(scene.dead.pressures or scene.live.pressures)
     scene = with_resultants(scene) if keeps else scene
+    if motions and before is None:
+        scene, given = guided(scene, motions), scene
+    scene, why_not = begun(scene)
     refuse(scene)
     for name, length in (("step", step), ("reach", reach)):
         if length is not None:
@@ -182,32 +229,49 @@ def pushover(
     not_negative(stretch, "stretch")
     if not is_number(until):
         raise ModelError(f"until must be a load factor, got {until!r}")
+    if motions:
+        not_negative(until, "until, how far supports move,")
     # What all runs share: the solution at rest, and notes that hold of any of them.
-    initial, refusal = (before.initial, None) if before else _at_rest(scene, why_not)
+    initial, refusal = (before.initial, None) if before else (None, None)
+    if not before and not motions:
+        initial, refusal = _at_rest(scene, why_not)
     turns = bool(scene.dead.pressures or scene.live.pressures)
-    notes = [DISPLACED] * (initial is None) + [TURN] * turns + [KEEP] * keeps
+    notes = (
+        [DISPLACED] * (initial is None and not motions)
+        + [MOVED] * bool(motions)
+        + [TURN] * turns
+        + [KEEP] * keeps
+    )
     notes += [PUSHES] * bool(scene.reactions)
+    reach = reach or REACH * scene.contacts.typical_size
+    kind = flow or (before.flow if before else "associated")
+    notes += _left_out(Rest(scene, reach, kind, stretch))
     about = None if control is None else checked_control(scene, control)
     about = about or (before.control if before else None)
     task = _Task(
-        scene, initial, refusal, float(until), certify,
-        reach or REACH * scene.contacts.typical_size, stretch, about, tuple(notes),
-        progress or (lambda line: None),
+        scene, initial, refusal, float(until), certify, reach, stretch, about, tuple(notes),
+        heard_by(progress), motions, given,
     )  # fmt: skip
     # The path, and where it has explicit steps the same by the other flow rule.
-    kind, given = flow or (before.flow if before else "associated"), step
+    asked = step
     if before is not None:
         before, step = before.with_control(about), step or before.step or None
     path = replace(_run(task, kind, step, before), halved=None, other_flow=None)
-    if path.slides_away:  # smaller steps lead to the same end of a support
-        is_there = path.status in ("zero", "falls", "blocked", "slides", "not-converged")
-        return replace(path, reason=path.headline if is_there else path.reason)
-    if path.followed and path.status != "interrupted":
+    is_level = path.slides_away and path.level[0] == 0.0
+    if path.followed and not is_level and path.status != "interrupted":
         rule, begin = other_than(kind), before.other_flow if before else None
         path = replace(path, other_flow=_run(task, rule, step, begin, f"{rule}: "))
-    if given is not None or not (path.slides or TURNED in path.notes):
+    if path.status == "interrupted" or not (path.slides or TURNED in path.notes):
         return path
-    return _halved(task, path, before.halved if before else None, halvings, within)
+    if asked is not None or is_level:
+        path = replace(path, notes=(*path.notes, LEVEL_ON if is_level else GIVEN))
+    else:
+        path = _halved(task, path, before.halved if before else None, halvings, within)
+    half = path.halved
+    if half is not None and half.status != "interrupted" and not path.ends_like(half):
+        path = replace(path, status="not-decided")
+        return replace(path, reason=path.headline)
+    return replace(path, reason=path.headline) if path.slides_away else path
 
 
 def _halved(
@@ -230,6 +294,29 @@ def _halved(
             break
         half = None
     return path
+
+
+def _left_out(rest: Rest) -> list[str]:
+    """Sentences on what is left out at rest because it is no contact of the scene, and what it is
+    worth: slivers, edges and corners."""
+    scene, said = rest.scene, list[str]()
+    alone = rest.first()
+    if not isinstance(alone, At):
+        return said
+    misses = sorted(scene.near_misses, key=lambda m: m.size) if len(rest.facets.slivers) else []
+    misses = [miss for miss in misses if miss.kind == "sliver"]
+    wide = {frozenset((m.a, m.b)): m.sentence(scene.units.length) for m in misses}
+    first = alone.shown.load_factor
+    for blocks, factor in rest.left_out():
+        if not blocks and abs(factor - first) <= TOLERANCE * abs(first):
+            continue  # edges and corners that bear nothing
+        what = wide.get(frozenset(blocks), f"{'-'.join(blocks)}: narrower than the joint tolerance")
+        what = "all slivers" if blocks == ("slivers",) else what
+        what = what if blocks else "edges and corners that touch beside contacts"
+        change = f", {factor / first - 1.0:+.1%}" * (first > 0.0)
+        worth = f"with it the path begins at {factor:.6g}{change}"
+        said.append(f"{what}, left out at rest as solve does; {worth}")
+    return said
 
 
 def _at_rest(
@@ -261,6 +348,8 @@ class _Task:
     control: tuple[str, tuple[float, float, float]] | None
     notes: tuple[str, ...]
     tell: Callable[[str], None]
+    motions: tuple[SupportMotion, ...] = ()
+    given: Scene | None = None
 
     def path(self, walk: Walk, status: Ending, reason: str, longest: float = 0.0) -> Path:
         """What was walked, as a path that ends so; ``longest`` is a step of before."""
@@ -268,6 +357,8 @@ class _Task:
         notes = [*self.notes]
         notes += [TURNED] * any(x.bonds.turned(x.pose) for x in walk.found if x.bonds)
         notes += [SLIDES[walk.flow]] * slides
+        off = (x.shown.w for x in walk.found if walk.out_of_symmetry(x) > FAR * walk.size)
+        notes += [SYMMETRIC.format(w=w) for w in islice(off, 1)]
         if failures:
             torn = ", ".join(f"{what} at w = {w:.4g}" for w, what in failures[:3])
             more = f" and {len(failures) - 3} more" if failures[3:] else ""
@@ -276,6 +367,7 @@ class _Task:
             self.initial, tuple(x.shown for x in walk.found), status, reason, walk.flow,
             max(walk.step, longest), tuple(walk.snaps), walk.work(), slides, self.control,
             tuple(notes), until=self.until, failures=failures, stretch=self.stretch,
+            motions=self.motions, given=self.given,
         )  # fmt: skip
 
 
@@ -287,32 +379,32 @@ def _run(
     of the ``marks`` (w) to the next; ``said`` stands before what is told."""
     walk = Walk(
         task.scene, task.certify, task.reach, lambda line: task.tell(f"{said}{line}"), flow,
-        task.stretch,
+        task.stretch, task.motions, task.until,
     )  # fmt: skip
     if begin is not None:
         walk.resume(begin)
-        if begin[-1].load_factor - task.until <= walk.enough(walk.found[-1]):
+        if walk.has_come(task.until):
             return begin
+    until = -np.inf if task.motions else task.until  # where nothing is carried, no push is so small
     longest = begin.step if begin is not None and len(begin) > 1 else 0.0
 
     def is_level() -> bool:
-        if walk.found[-1].shown.w <= walk.size:  # which needs no path to be made
+        if task.motions or walk.found[-1].shown.w <= walk.size:  # which needs no path to be made
             return False
         so_far = task.path(walk, "slides", "", longest)
         return so_far.level_for(walk.size) and so_far.slides_away
 
     try:
-        ending = walk.walk(step, task.until, is_level, marks)
-        # Where iterates do not settle explicit steps go on, until they do again. Such steps
-        # know what does not come apart.
+        ending = walk.walk(step, until, is_level, marks)
+        # Where iterates do not settle explicit steps go on, until they do again.
         unsettled = {"not-converged", "blocked"}
-        is_at_end = walk.begin.bonds is not None and not walk.begin.bonds.lasts
-        while ending[0] in unsettled and walk.found and not is_at_end:
+        is_at_end = False
+        while ending[0] in unsettled and walk.found and walk.lasts and not is_at_end:
             longest, unsettled = max(longest, walk.step), {*unsettled, "falls"}
-            end = go_on(walk, task.until, is_level)
+            end = go_on(walk, until, is_level)
             is_at_end = end is not None
             if end is None:
-                ending = walk.walk(step, task.until, is_level, marks)
+                ending = walk.walk(step, until, is_level, marks)
                 walk.step = max(walk.step, longest)
             elif end[0] != "not-converged" or walk.found[-1].shown.is_followed:
                 ending = end
@@ -325,22 +417,27 @@ def _run(
     start = walk.found[0].shown.load_factor if walk.found else -np.inf
     if task.refusal is not None and start <= task.until:
         raise task.refusal  # no push holds it either
+    alone = (task.initial and task.initial.load_factor) or -np.inf
+    if len(walk.found) == 1 and start <= task.until < alone and flow != "associated":
+        ending = "zero", BETWEEN.format(low=start, high=alone)
     if task.certify == "last":
         walk.found[-1] = walk.proved(walk.found[-1])
-    return task.path(walk, *ending, longest)
+    path = task.path(walk, *ending, longest)
+    if task.motions and path.status == "falls":
+        path = replace(path, fallen=walk.fallen())
+    return path
 
 
 def _change(path: Path, half: Path) -> tuple[float, str]:
     """How much half the step changes of a path, as a share, and in words."""
-    unit = path.scene.units.length
+    unit, most = path.units.displacement, replace(path, halved=half).change
     ends = (x.d0 if np.isfinite(x.d0) else x.displacement[-1] for x in (path, half))
     one, other = (f"{w:.4g} {unit} ({x.ending})" for w, x in zip(ends, (path, half), strict=True))
-    reached = path.w[path.w <= half.w[-1]]
-    change = np.interp(reached, half.w, half.load_factor) - path.load_factor[: len(reached)]
-    most = change[np.abs(change).argmax()] / abs(path.load_factor[0])
+    of = "load factors at the same w change by up to {:+.2%} of the first"
+    of = "reactions at the same w by up to {:+.2%} of the weight" if path.motions else of
     low, high = path.d0, half.d0
     moved = abs(high - low) / abs(low) if np.isfinite(low) or np.isfinite(high) else 0.0
     return float(np.nan_to_num(max(abs(most), moved), nan=np.inf)), (
-        f"with half the step it ends at {other} instead of {one}, and load factors at the same w "
-        f"change by up to {most:+.2%} of the first" + f"; {half.followed}" * bool(half.followed)
+        f"with half the step it ends at {other} instead of {one}, and {of.format(most)}"
+        + f"; {half.followed}" * bool(half.followed)
     )

@@ -14,41 +14,44 @@ them.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.arrays import ROUNDING, SMALL, FloatArray
 from cvxlimit.extensions.paths.bonds import Bonds
-from cvxlimit.extensions.paths.configuration import CLOSED, Configuration, Flow, Points
-from cvxlimit.extensions.paths.increment import Ahead, Found, Increment, Loads, Near
-from cvxlimit.extensions.paths.pairs import Pose
+from cvxlimit.extensions.paths.configuration import Configuration, Flow, Points
+from cvxlimit.extensions.paths.increment import Ahead, Found, Increment, Near
+from cvxlimit.extensions.paths.pairs import CLOSED, Pose
 from cvxlimit.extensions.paths.path import SLIDING, Ending
 from cvxlimit.extensions.paths.points import SETTLED, Start
+from cvxlimit.extensions.paths.supports import loads_of
+from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
+from cvxlimit.scene.settling import SupportMotion
 from cvxlimit.solvers import Outcome
+from cvxlimit.surfaces.coulomb import needed_surfaces, surfaces_of
 
 REACH = 0.2
 """Facets within this share of the contact size of each other may meet in a step; blocks that were
 farther off and are in each other after it make the step too long."""
-
-STILL = 1e-9
-"""Movement over the contact size that an iterate may still ask for: a tenth of what blocks may be
-in each other, and ten times what solvers leave."""
 
 _FEW, _MANY = 12, 24
 """Iterates: rocking takes 3 to 6, and sliding where slips keep their direction; what has not
 settled in 24 has not settled in 60. After twelve ``SETTLED`` is enough: digits end where
 mechanisms compete. Without dilatancy an iterate is two problems, and half as many are few."""
 
-_FAR = 1e-3
+FAR = 1e-3
 """Movement over the contact size from which two iterates lead to the end, each from the answer
 before; still farther off after twelve, mechanisms compete, and half the step takes less time."""
 
-_LOST = 10.0 * SLIDING
-"""Share of a step's work that friction without dilatancy may lack: no load factor between two
-equilibria is told to less where joints slide. Iterates end at once below ``SLIDING``."""
+_SLIVERS = 3
+"""Joints left out as slivers of which each has its own load factor: one problem each."""
 
 FARTHEST, LEFT = 0.05, 0.05**2
 """Largest movement of an explicit step over the contact size, and what its linearisation leaves of
@@ -83,34 +86,93 @@ class Rest:
     ``found`` are the configurations so far: losses are shares of the first one's work.
     """
 
-    def __init__(self, scene: Scene, reach: float, flow: Flow, stretch: float = 0.0) -> None:
+    def __init__(
+        self, scene: Scene, reach: float, flow: Flow, stretch: float = 0.0,
+        motions: Sequence[SupportMotion] = (),
+    ) -> None:  # fmt: skip
         self.scene, self.flow = scene, flow
         self.has_dilatancy = flow == "associated"
         self.size = scene.contacts.typical_size
-        self.loads = Loads(scene)
+        self.motions, self.loads = tuple(motions), loads_of(scene, motions)
         self.radius = np.array([
             np.linalg.norm(b.vertices - b.centroid, axis=1).max()
             for b in (scene.blocks[i] for i in scene.free)
         ])  # fmt: skip
         bonds = Bonds.first(scene, stretch)
-        self.begin = replace(Start.first(scene, reach), bonds=bonds)
+        moving = [name for motion in motions for name in motion.supports]
+        self.begin = replace(Start.first(scene, reach, moving), bonds=bonds)
         self.facets = self.begin.facets
         self.found: list[At] = []
+        # As solve may take it: whatever model it chooses.
+        surfaces, self.across, self.mirror = needed_surfaces(surfaces_of("conic")[0]), None, None
+        if len(scene.contacts):
+            least = Reductions.of(Assemblage.of(scene), surfaces, model="least")
+            self.across = None if least.plane is None else least.plane.normal
+            self.mirror = least.mirror
 
     def first(self) -> At | Failed:
         """Returns the configuration of the scene as given, at the largest load factor."""
-        pose = self.begin.pose
-        points = self.begin.points(pose)
-        points = points.take(points.gap <= CLOSED * self.size)
-        increment, loss = Increment(self.scene, points, pose, self.loads), 0.0
-        answer = increment.solve(None)
-        if isinstance(answer, Found) and not self.has_dilatancy:
-            push = self.size * self.loads.size
-            answer, loss = increment.rates_without_dilatancy(push, SLIDING)
+        points, answer, loss = self._begun()
         if not isinstance(answer, Found):
             return Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
-        shown = self._shown(pose, points, answer, 0.0, 0.0, 1, loss)
+        shown = self._shown(self.begin.pose, points, answer, 0.0, 0.0, 1, loss)
         return replace(shown, bonds=self.begin.bonds)
+
+    def first_rates(self) -> FloatArray | None:
+        """Returns the mechanism (free blocks, 6) by which blocks begin to move, if one is found."""
+        _, answer, _ = self._begun()
+        return answer.d if isinstance(answer, Found) else None
+
+    def left_out(self) -> Iterator[tuple[tuple[str, ...], float]]:
+        """Yields the blocks (2,) whose joints are left out at rest because they are slivers, and
+        the first load factor with them; for "slivers" that with all of them, where there are
+        several, and without blocks that with the edges and corners that touch beside contacts."""
+        names, pose = [block.id for block in self.scene.blocks], self.begin.pose
+        pairs = [(names[a], names[b]) for a, b in zip(*self.facets.sliver_blocks(), strict=True)]
+        each = [*dict.fromkeys(pairs)]
+
+        def with_points(points: Points) -> float:
+            answer = self.increment(points, pose).solve(None)
+            return answer.load_factor if isinstance(answer, Found) else np.inf
+
+        for which in [[one] for one in each[:_SLIVERS]] + [each] * (len(each) > 1):
+            facets = copy(self.facets)
+            facets.slivers = facets.slivers[[pair not in which for pair in pairs]]
+            points = Start.at(facets, pose, 0.0, self.begin.bonds).at_rest()
+            yield which[0] if len(which) == 1 else ("slivers",), with_points(points)
+        every = self._closed(self.begin.points(pose))
+        if len(every) > len(self.first_points):
+            yield (), with_points(every)
+
+    def _closed(self, points: Points) -> Points:
+        return points.take(points.gap <= CLOSED * self.size)
+
+    @cached_property
+    def first_points(self) -> Points:
+        """The points at which the scene as given bears: those of its contacts; where these have no
+        equilibrium, as blocks start on edges and corners, all that are closed."""
+        points = self.begin.at_rest()
+        if len(points) and isinstance(self.increment(points, self.begin.pose).solve(None), Found):
+            return points
+        return self._closed(self.begin.points(self.begin.pose))
+
+    def first_increment(self) -> Increment:
+        """Returns the problems of the scene as given, on the points at which it bears."""
+        return self.increment(self.first_points, self.begin.pose)
+
+    def increment(self, points: Points, pose: Pose) -> Increment:
+        """Returns the problems of a pose on some points."""
+        return Increment(self.scene, points, pose, self.loads, self.across)
+
+    def _begun(self) -> tuple[Points, Found | Outcome, float]:
+        """Returns the points at which the scene as given is closed, the largest load factor there
+        with the rates of its mechanism, and their loss."""
+        increment = self.first_increment()
+        answer, loss = increment.solve(None), 0.0
+        if isinstance(answer, Found) and not self.has_dilatancy:
+            push = self.size * self.loads.size / self.loads.pace
+            answer, loss = increment.rates_without_dilatancy(push, SLIDING)
+        return increment.points, answer, loss
 
     def settle(self, start: At, w: float) -> At | Failed:
         """Returns the equilibrium at ``w`` to which the iterates from ``start`` lead. The cohesion
@@ -137,19 +199,40 @@ class Rest:
                 return replace(found, shown=replace(found.shown, loss=loss))
         return self._without_dilatancy(start, w)
 
+    @property
+    def unit(self) -> float:
+        """What load factors are compared with: the first one; reactions of supports that move with
+        the weight."""
+        if self.motions:
+            return self.scene.total_weight * self.loads.pace
+        return abs(self.found[0].shown.load_factor)
+
     def _work(self, start: At, w: float) -> float:
         """Returns the live load's work from ``start`` on at the first load factor, over which
         losses count."""
-        return abs(self.found[0].shown.load_factor) * (w - start.shown.w) * self.loads.size
+        return self.unit * (w - start.shown.w) * self.loads.size
 
     def start(self, at: At) -> Start:
         if at.pose is self.begin.pose:
             return self.begin if at.bonds is None else replace(self.begin, bonds=at.bonds)
         return Start.at(self.facets, at.pose, at.loose, at.bonds)
 
+    def out_of_symmetry(self, at: At) -> float:
+        """Returns how far blocks are from the mirror images of their partners (length) in a scene
+        that is symmetric; 0 in others."""
+        if self.mirror is None:
+            return 0.0
+        image = self.mirror.reflection
+        d = at.pose.since(self.begin.pose, self.scene.free)
+        return float(self.moved(d - d[self.mirror.blocks] @ image.T).max())
+
     def moved(self, d: FloatArray) -> FloatArray:
         """Returns how far each free block moves (length) by ``d`` (free blocks, 6)."""
         return np.linalg.norm(d[:, :3], axis=1) + np.linalg.norm(d[:, 3:], axis=1) * self.radius
+
+    def off(self, pose: Pose, w: float) -> float:
+        """Returns how far supports are from where their motion has them at ``w`` (length)."""
+        return float(self.moved(pose.since(self.loads.placed(pose, w), self.scene.free)).max())
 
     def _no_answer(self, answer: Outcome, w: float, moved: FloatArray) -> Failed:
         is_blocked = answer.claims_no_optimum and "unbounded" in answer.status
@@ -163,12 +246,12 @@ class Rest:
             points, number = begin.numbered(pose)
             push = self.loads.push(w, start.pose, pose)
             near = Near(*last, number) if last else None
-            answer = Increment(self.scene, points, pose, self.loads).solve(push, near)
+            answer = self.increment(points, pose).solve(push, near)
             if not isinstance(answer, Found):
                 return self._no_answer(answer, w, moved)
             moved = self.moved(answer.d)
             size = float(moved.max()) / self.size
-            if size <= (STILL if iterate < _FEW else SETTLED):
+            if size <= (ROUNDING if iterate < _FEW else SETTLED):
                 found = self._shown(pose, points, answer, w, size, iterate)
                 apart = Start.at(self.facets, pose, found.loose).points(pose)
                 if apart.gap.min(initial=0.0) < -CLOSED * self.size:
@@ -179,11 +262,11 @@ class Rest:
             is_falling = size < (1.0 - 0.5 * step) * before
             share = min(1.0, 2.0 * step) if is_falling else max(0.5 * step, 0.125)
             before = size
-            if iterate >= _FEW and size > _FAR:
+            if iterate >= _FEW and size > FAR:
                 break
             step = share if iterate > 4 else 1.0
-            pose = pose.moved(self.scene.free, step * answer.d)
-            last = (answer, step, number) if size < _FAR else None
+            pose = self.loads.moved(pose, step * answer.d)
+            last = (answer, step, number) if size < FAR else None
         return Failed(w, "not-converged", moved)
 
     def _without_dilatancy(self, start: At, w: float) -> At | Failed:
@@ -196,10 +279,10 @@ class Rest:
         for iterate in range(1, _MANY + 1):
             points = begin.points(pose)
             push = self.loads.push(w, start.pose, pose)
-            increment = Increment(self.scene, points, pose, self.loads)
+            increment = self.increment(points, pose)
             slides = np.linalg.norm(points.slip, axis=1)
             if iterate == 1:  # as if every point slid as far as the live load goes
-                slides = np.full(len(points), push / self.loads.size)
+                slides = np.full(len(points), push / self.loads.size * self.loads.pace)
             forces = increment.priced(push, slides)
             if not isinstance(forces, Found):
                 return best or self._no_answer(forces, w, moved)
@@ -208,18 +291,18 @@ class Rest:
                 return best or self._no_answer(answer, w, moved)
             moved = self.moved(answer.d)
             size = float(moved.max()) / self.size
-            is_still = size <= STILL
-            overrun = points.depth > 10.0 * STILL * self.size
-            if not overrun and (is_still or (2 * iterate > _FEW and size <= _FAR)):
+            is_still = size <= ROUNDING
+            overrun = points.depth > 10.0 * ROUNDING * self.size
+            if not overrun and (is_still or (2 * iterate > _FEW and size <= FAR)):
                 loss = points.lost(forces.forces) / work
-                is_closed = points.bearing_gap(forces.forces) <= _FAR * self.size
-                if is_closed and loss <= (best.shown.loss if best else _LOST):
+                is_closed = points.bearing_gap(forces.forces) <= FAR * self.size
+                if is_closed and loss <= (best.shown.loss if best else SMALL):
                     left = w * self.loads.size - self.loads.work(pose)[1]
                     at = w - left / self.loads.size
                     best = self._shown(pose, points, forces, at, size, iterate, loss)
                 if is_still or (best is not None and best.shown.loss <= SLIDING):
                     break
-            pose = pose.moved(self.scene.free, answer.d)
+            pose = self.loads.moved(pose, answer.d)
         return best or Failed(w, "not-converged", moved)
 
     def _shown(
@@ -240,7 +323,7 @@ class Rest:
         self, pose: Pose, points: Points, ahead: Ahead, w: float, before: float
     ) -> At:  # fmt: skip
         """Returns a configuration that an explicit step led to, from one at w ``before``."""
-        work = abs(self.found[0].shown.load_factor) * (w - before) * self.loads.size
+        work = self.unit * (w - before) * self.loads.size
         loss = points.lost(ahead.forces, self.flow) / work
         at = self._shown(pose, points, ahead, w, ahead.residual, 1, loss)
         shown = replace(at.shown, is_followed=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cvxlimit.base.extras import needed
 from cvxlimit.extensions.paths.path import Path
-from cvxlimit.extensions.paths.wording import PROVES
+from cvxlimit.extensions.paths.wording import PROVES, opened
 from cvxlimit.results.tables import Columns, table_from
 from cvxlimit.solution.bracket import Bracket
 
@@ -16,21 +16,39 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
+def _reactions(path: Path) -> Columns:
+    """Reactions of supports that move; nothing of others."""
+    if not path.motions:
+        return {}
+    unit, found = path.units.push, path.reactions
+    names = [(which, end) for which in ("least", "largest") for end in ("lower", "upper")]
+    return {
+        f"{which}_reaction_{end}": (found[:, k], unit, f"{end} bound of the {which} reaction")
+        for k, (which, end) in enumerate(names)
+    }
+
+
 def path_table(path: Path) -> DataFrame:
     """A path's configurations, one row each."""
     pandas = needed("pandas", "frames", "tables")
     brackets = [c.bracket or Bracket(np.nan, np.nan) for c in path]
     columns: Columns = {
-        "w": (path.w, path.scene.units.length, "mean displacement of the live load"),
-        "displacement": (path.displacement, path.scene.units.length, "of the control block"),
+        "w": (path.w, path.units.w, "mean displacement of the live load, or way of supports"),
+        "displacement": (path.displacement, path.units.displacement, "of the control block"),
         "load_factor": (path.load_factor, "", "with friction at points"),
         "slip": (
             [0.0, *(max([0.0, *(slip for slip, _ in x.values())]) for x in path.in_joints)],
             path.scene.units.length, "of the joint that slides farthest, since the row above",
         ),
         "failed": (path.failed, "", "joints and ties that came apart, since the row above"),
-        "lower": ([b.lower for b in brackets], "", "static bound of the configuration"),
-        "upper": ([b.upper for b in brackets], "", "kinematic bound of the configuration"),
+        "lower": ([b.lower for b in brackets], "", "static bound of the most it carries"),
+        "upper": ([b.upper for b in brackets], "", "kinematic bound of the most it carries"),
+        "below": (path.below, "", "whether the path's load factor lies below this bracket"),
+        **_reactions(path),
+        "open": (
+            [opened(path.openings(i)) for i in range(len(path))], path.scene.units.length,
+            "joints that are open, the widest first, with their widths",
+        ),
         "proved": ([b.is_proved for b in brackets], "", "whether both bounds are proved"),
         "widest_gap": ([c.widest_gap for c in path], path.scene.units.length, "of closed points"),
         "residual": (

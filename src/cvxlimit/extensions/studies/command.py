@@ -14,14 +14,15 @@ from rich.text import Text
 
 from cvxlimit.base.arrays import SMALL
 from cvxlimit.base.checks import count
+from cvxlimit.base.lines import one_line
 from cvxlimit.base.search import processes
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import Command, named_values
-from cvxlimit.cli.report import ExitCode, counted, refuse, show
+from cvxlimit.cli.report import counted
+from cvxlimit.cli.shell import ExitCode, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.sweeping import sweep
-from cvxlimit.io.fields import one_line
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import rounded, rounded_down, rounded_up
 

@@ -11,14 +11,15 @@ from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
 from cvxlimit.cli.options import Command, numbers, vector
-from cvxlimit.cli.report import ExitCode, facts, files_asked, refuse, show, write_rows
+from cvxlimit.cli.report import facts, files_asked, write_rows
+from cvxlimit.cli.shell import ExitCode, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.envelopes import Envelope, Vehicle, envelope
 from cvxlimit.plotting.look import IMAGES
-from cvxlimit.scene.resisting import passive
-from cvxlimit.scene.roads import BOUSSINESQ
 from cvxlimit.solution import Status
+from cvxlimit.surroundings.resisting import passive
+from cvxlimit.surroundings.roads import BOUSSINESQ
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,13 +108,20 @@ class EnvelopeCommand(Command):
                 raise InputError(
                     "--report: any multiple is carried at all positions: nothing to sign"
                 )
-            worst.solution.report(self.report, envelope=found)
+            worst.solution.report(self.report, envelope=found, notes=self.notes())
         shown = table.to_string(index=False, float_format="{:.6g}".format)
         show(Text(str(found)), Text(), Text(shown), *([facts(written)] if written else []))
         open_ones = sorted({each.status for each in found.crossings} - good)
         if open_ones:
             return refuse(ExitCode.NOT_GOOD_ENOUGH, f"some positions: {', '.join(open_ones)}")
         return ExitCode.SOLVED
+
+    def notes(self) -> dict[str, str]:
+        """What the page cannot see: what soil was asked for."""
+        if self.soil is None:
+            return {}
+        weight, coefficient = numbers("--soil", self.soil, "20,1.5")
+        return {"soil that resists": f"unit weight {weight:g}, K = {coefficient:g}"}
 
     def vehicle(self) -> Vehicle:
         spread: Any = self.spread

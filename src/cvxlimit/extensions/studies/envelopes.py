@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from cvxlimit.base.checks import not_negative, positive
 from cvxlimit.base.extras import needed
+from cvxlimit.base.progressbar import Progress, progress_bar
 from cvxlimit.errors import InputError
 from cvxlimit.methods.solving import solve
 from cvxlimit.model.assemblage import Assemblage
@@ -21,9 +23,9 @@ from cvxlimit.plotting.registry import figures
 from cvxlimit.plotting.style import Style
 from cvxlimit.scene import Scene, Units
 from cvxlimit.scene.loads import Load, PointForce
-from cvxlimit.scene.roads import BOUSSINESQ, Road
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import rounded
+from cvxlimit.surroundings.roads import BOUSSINESQ, Road
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -77,6 +79,11 @@ class Vehicle:
         """Of all axles."""
         return float(sum(force for _, force in self.axles))
 
+    def placed(self, at: float, is_forward: bool = True) -> tuple[tuple[float, float], ...]:
+        """Place and force of every axle, along the road, if the first one stands ``at``."""
+        sign = 1.0 if is_forward else -1.0
+        return tuple(sorted((at - sign * behind, force) for behind, force in self.axles))
+
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
@@ -122,12 +129,14 @@ class Envelope:
     units : Units
     crossings : tuple of Crossing
         Forward ones first, in the order of the positions.
+    road : Road
     """
 
     scene_name: str
     vehicle: Vehicle
     units: Units
     crossings: tuple[Crossing, ...]
+    road: Road
 
     @property
     def worst(self) -> Crossing:
@@ -162,6 +171,62 @@ class Envelope:
         rest += f", {open_ones} of them without an answer" if open_ones else ""
         return f"{first}\n{rest}"
 
+    @cached_property
+    def without_reactions(self) -> Solution | None:
+        """The answer at the worst position if nothing resists but the structure, as for K = 0; None
+        if there are no reactions."""
+        worst = self.worst.solution
+        if worst is None or not worst.scene.reactions:
+            return None
+        return solve(replace(worst.scene, reactions=()), worst.surfaces)
+
+    def told(self) -> Iterator[tuple[str, str]]:
+        """Yields what somebody needs who computes the worst position again, a name and a text."""
+        force, length = self.units.force, self.units.length
+        axles = (f"{size:g} {force} at {behind:g} {length}" for behind, size in self.vehicle.axles)
+        yield "axles, behind the first", ", ".join(axles)
+        spread = self.vehicle.spread
+        how = "as Boussinesq has it, cut off at 30 degrees"
+        if spread != BOUSSINESQ:
+            how = f"growing by {spread:g} of the depth on either side"
+        yield "each on the road", f"{self.vehicle.length:g} {length} along it; in the fill {how}"
+        road = self.road
+        yield (
+            "road",
+            (
+                f"level {road.level:g} {length}, along {np.array(road.along).tolist()}, on a width "
+                f"of {road.width:.6g} {length}, with {road.cover:.6g} {length} of fill at least"
+            ),
+        )
+        at = [each.at for each in self.crossings]
+        ways = "both ways" if any(not each.is_forward for each in self.crossings) else "one way"
+        tried = f"{len(set(at))} places of the first axle from {min(at):g} to {max(at):g} {length}"
+        yield "positions", f"{tried}, {ways}; between them nothing is proved"
+        worst = self.worst
+        way = "forward" if worst.is_forward else "backward"
+        yield (
+            "worst place",
+            f"first axle at {worst.at:g} {length}, {way}: {'; '.join(self._there())}",
+        )
+        yield "lost there", f"{worst.lost:.6g} {force} on abutments and ground, not on the arch"
+        if (bare := self.without_reactions) is not None:
+            text = bare.standing if bare.load_factor is None else rounded(bare.load_factor)
+            if bare.bracket.has_both:
+                text += f", between {bare.lower:.6g} and {bare.upper:.6g}"
+            yield "there without reactions (K = 0)", text
+
+    def _there(self) -> Iterator[str]:
+        """Yields for each axle at the worst place where it is and what of it the bridge gets."""
+        force, length, worst = self.units.force, self.units.length, self.worst
+        for at, size in self.vehicle.placed(worst.at, worst.is_forward):
+            text = f"{size:g} {force} at {at:g} {length}"
+            reached = size - _loads(self.road, self.vehicle, [(at, size)])[1]
+            if not reached > 1e-9 * size:
+                yield f"{text} beside the bridge"
+                continue
+            depth = f"{self.road.depth(at):.4g} {length} of fill"
+            yield f"{text}, {reached:.6g} {force} of it on the bridge through {depth}"
+
     def _repr_html_(self) -> str:
         return f"<pre>{self}</pre>"
 
@@ -181,7 +246,7 @@ class Envelope:
     def plot(self, file: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """A chart of load factors over positions, with brackets; the figure, or the file's path.
 
-        ``options`` are those of all charts: ``size`` in inches, ``title``, ``ax``, ``legend``.
+        ``options`` are those of all charts: ``figsize`` in inches, ``title``, ``ax``, ``legend``.
         """
         chart = figures("sheet").Sheet.of((6.4, 3.8), **options)
         for way, colour in (("forward", Style.blue), ("back", Style.brown)):
@@ -196,9 +261,7 @@ class Envelope:
             label = f"least: {rounded(worst.load_factor, 4)}"
             chart.axes.plot([worst.at], [worst.load_factor], "o", mfc="none", mec=Style.red, ms=9,
                             label=label)  # fmt: skip
-        chart.axes.set(
-            xlabel=f"first axle at ({self.units.length})", ylabel="load factor on the vehicle"
-        )
+        chart.axes.set(xlabel=f"first axle at ({self.units.length})", ylabel="load factor")
         chart.axes.set_yscale("log")  # half and twice the least count alike
         for each in (chart.axes.yaxis.set_major_formatter, chart.axes.yaxis.set_minor_formatter):
             each(needed("matplotlib.ticker", "plot", "charts").LogFormatter())
@@ -215,13 +278,13 @@ def envelope(
     along: ArrayLike = (1.0, 0.0, 0.0),
     both_ways: bool = True,
     blocks: Collection[str] | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Progress = None,
     **options: Any,
 ) -> Envelope:
     """The load factor of a vehicle at each of some positions, both ways, and the worst.
 
     What positions share is computed once. Parts of the vehicle that are beside the bridge, or over
-    an abutment that is fixed, are lost, and each row says how much that is.
+    an abutment that is fixed, are lost; each row of :meth:`Envelope.to_dataframe` says how much.
 
     Parameters
     ----------
@@ -234,7 +297,8 @@ def envelope(
         The road's, as for :class:`cvxlimit.Road`.
     both_ways : bool
         Whether the vehicle crosses in the other direction, too.
-    progress : function of a text, optional
+    progress : bool, callable or None
+        True shows a bar on stderr; a function is called with one line of text at every position.
     options
         As for :func:`cvxlimit.solve`: ``surface``, ``tolerance``, ``method`` ...
 
@@ -251,36 +315,38 @@ def envelope(
     >>> found.worst.at
     0.75
     """
-    places = np.atleast_1d(np.array(positions, dtype=float)).tolist()
+    every = np.atleast_1d(np.array(positions, dtype=float)).tolist()
     road = Road(scene, level, along, blocks)
-    todo = list(product((True, False) if both_ways else (True,), places))
+    todo = list(product((True, False) if both_ways else (True,), every))
     shared: Assemblage | None = None
-    found = list[Crossing]()
-    for is_forward, at in todo:
-        points, lost = _loads(road, vehicle, at, 1.0 if is_forward else -1.0)
-        solution = None
-        if points:
-            loaded = scene.with_live(Load(points=points))
-            shared = shared or Assemblage.of(loaded)
-            solution = solve(shared.like(loaded), **options)
-        found.append(Crossing(at, is_forward, lost, solution))
-        if progress is not None:
-            progress(f"{len(found)} of {len(todo)} positions")
+    found, by_places = list[Crossing](), dict[Any, tuple[float, Solution | None]]()
+    with progress_bar("crossing", len(todo), progress) as advance:
+        for is_forward, at in todo:
+            # the same forces at the same places are one load, whichever way the vehicle goes
+            if (axles := vehicle.placed(at, is_forward)) not in by_places:
+                points, lost = _loads(road, vehicle, axles)
+                solution = None
+                if points:
+                    loaded = scene.with_live(Load(points=points))
+                    shared = shared or Assemblage.of(loaded)
+                    solution = solve(shared.like(loaded), **options)
+                by_places[axles] = lost, solution
+            found.append(Crossing(at, is_forward, *by_places[axles]))
+            advance(f"first axle at {at:g}")
     if all(each.solution is None for each in found):
         raise InputError(
             f"the vehicle is beside {scene.name!r} at all positions: give places of its first axle "
             "over the bridge"
         )
-    return Envelope(scene.name, vehicle, scene.units, tuple(found))
+    return Envelope(scene.name, vehicle, scene.units, tuple(found), road)
 
 
 def _loads(
-    road: Road, vehicle: Vehicle, at: float, sign: float
+    road: Road, vehicle: Vehicle, axles: Sequence[tuple[float, float]]
 ) -> tuple[tuple[PointForce, ...], float]:
-    """The forces of all axles, and what of them is lost."""
+    """The forces of all axles, by place and force, and what of them is lost."""
     points, lost = list[PointForce](), 0.0
-    for behind, force in vehicle.axles:
-        place = at - sign * behind
+    for place, force in axles:
         if not road.reaches(place, vehicle.length, vehicle.spread):
             lost += force
             continue

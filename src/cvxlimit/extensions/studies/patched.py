@@ -68,7 +68,9 @@ class PatchedProblem:
         self.loads["dead"].value = given.statics.dead.reshape(-1, DOF)
         self.loads["live"].value = given.statics.live.reshape(-1, DOF)
         found = solved_at(self.problem, given, **options)
-        is_open = found.status in (Status.NOT_CERTIFIED, Status.SOLVER_FAILED)
+        is_open = found.status in (
+            Status.NOT_CERTIFIED, Status.SOLVER_FAILED, Status.CONTRADICTED,
+        )  # fmt: skip
         return None if is_open else found
 
 

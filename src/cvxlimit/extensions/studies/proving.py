@@ -27,12 +27,14 @@ from cvxlimit.extensions.studies.store import (
 from cvxlimit.io.fields import parsed, refusals
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
-from cvxlimit.proof.checks import Check, unseen
-from cvxlimit.proving.derived import asked_checks, words_of_method
+from cvxlimit.proof.checks import Check, compared, unseen
 from cvxlimit.proving.prove import BOTH_CASES, Proof, Scenes, scene_of
-from cvxlimit.proving.solutions import solution_checks
+from cvxlimit.proving.solutions import asked_checks, solution_checks
 from cvxlimit.scene import Scene
-from cvxlimit.surfaces.coulomb import surfaces_of, words_of
+from cvxlimit.surfaces.coulomb import surfaces_of
+
+_NAMED = {"surface", "method", "moments", "tolerance"}
+"""Options that results name."""
 
 
 def prove_sweep(folder: Path, scene: Scenes | None, own: Mapping[str, Any]) -> Proof:
@@ -42,7 +44,7 @@ def prove_sweep(folder: Path, scene: Scenes | None, own: Mapping[str, Any]) -> P
 
 def _checks(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iterator[Check]:
     """Which scenes the rows are of, and then row by row."""
-    about, held = about_sweep(folder), None
+    about, base = about_sweep(folder), scenes
     if isinstance(about.get("base"), dict):
         with refusals(f"{folder}: "):
             held = scene_from_dict(about["base"])
@@ -50,34 +52,41 @@ def _checks(folder: Path, scenes: Scenes | None, own: Mapping[str, Any]) -> Iter
             yield Check(f"scene {about.get('scene')!s:.60}", False, "the base is another one")
         if isinstance(scenes, Scene):
             scene_of(held.name, scene_digest(held), scenes, BOTH_CASES)
-    base = scenes or held
+        base = scenes or held
     if base is None:
         raise InputError(
             f"{folder}: a function built the scenes of this sweep ({about.get('scene')!s:.80}), "
             "and the folder does not hold them: prove(folder, function)"
         )
     every, proofs = read_sweep(folder, every=True), proofs_of(folder)
-    number, unknown = {"good": 0, "failed": 0}, dict[str, Check]()
+    good, failed, unknown = 0, 0, dict[str, Check]()
     for row in every.drop_duplicates(KEY, keep="last").to_dict("records"):
-        parameters, text = _parameters(row), proofs.get(row.get(IDENTITY))
-        called = "row " + ", ".join(f"{name} {value}" for name, value in parameters.items())
-        if lost := [c for c in (KEY, IDENTITY, *RESULTS) if not _is_held(row.get(c), c in FIGURES)]:
-            raise InputError(
-                f"{folder}: {called} lacks the column {lost[0]!r}: delete the part that "
-                "holds it, and the same call solves its rows again"
-            )
-        checks = [*_row(row, parameters, text, base, own)]
+        # what was varied stands between the row's names and its results
+        names = [*row]
+        names = names[: names.index("load_factor")] if "load_factor" in row else names
+        varied = {name: row[name] for name in names if name not in (KEY, IDENTITY)}
+        varied = {name: value if value == value else None for name, value in varied.items()}
+        told = [f"{name} {value}" for name, value in varied.items() if value is not None]
+        called = "row " + ", ".join(told)
+        for name in (KEY, IDENTITY, *RESULTS):
+            # NaN is a figure, and no text
+            if row.get(name) is None or (name not in FIGURES and row[name] != row[name]):
+                raise InputError(
+                    f"{folder}: {called} lacks the column {name!r}: delete the part that "
+                    "holds it, and the same call solves its rows again"
+                )
+        checks = [*_row(row, varied, proofs.get(row[IDENTITY]), base, own)]
         missing = [c for c in checks if not c.is_met]
-        number["failed" if row["error"] else "good"] += not missing
+        good += not (missing or row["error"])
+        failed += bool(row["error"]) and not missing
         unknown |= {c.claim: c for c in checks if c.is_met and c.kind == "not looked at"}
-        for check in missing:
-            yield replace(check, claim=f"{called}, {check.claim}")
+        yield from (replace(check, claim=f"{called}, {check.claim}") for check in missing)
     if orphans := len(proofs.keys() - set(every[IDENTITY])):
         yield Check(_rows_said(orphans), False, "results are held, and no rows of them")
-    if number["good"]:
-        yield Check(f"{_rows_said(number['good'])} with their brackets", True)
-    if number["failed"]:
-        yield unseen(f"{_rows_said(number['failed'])} more that say why they have no result")
+    if good:
+        yield Check(f"{_rows_said(good)} with their brackets", True)
+    if failed:
+        yield unseen(f"{_rows_said(failed)} more that say why they have no result")
     yield from unknown.values()
     yield unseen("version, options")
 
@@ -86,31 +95,14 @@ def _rows_said(number: int) -> str:
     return f"{number} row{'s' * (number != 1)}"
 
 
-def _is_held(value: Any, is_figure: bool) -> bool:
-    """False where a row has no entry: NaN is a figure, and no text."""
-    return value is not None and (is_figure or value == value)
-
-
-def _parameters(row: Mapping[str, Any]) -> dict[str, Any]:
-    """What was varied: it stands between the row's names and its results."""
-    names = [*row]
-    varied_names = names[: names.index("load_factor")] if "load_factor" in row else names
-    return {name: row[name] for name in varied_names
-            if name not in (KEY, IDENTITY) and _is_held(row[name], is_figure=False)}  # fmt: skip
-
-
 def _row(
-    row: Mapping[str, Any],
-    parameters: Mapping[str, Any],
-    text: str | None,
-    base: Scenes,
+    row: Mapping[str, Any], varied: Mapping[str, Any], text: str | None, base: Scenes,
     own: Mapping[str, Any],
-) -> Iterator[Check]:
+) -> Iterator[Check]:  # fmt: skip
     """The claims of one row, whose result is held as ``text``."""
     # Its name is that of its parameters, where one may have been varied to none.
-    between = [*row][: [*row].index("load_factor")]
-    with_none = {name: parameters.get(name) for name in between if name not in (KEY, IDENTITY)}
-    if row[KEY] not in (key_of(parameters), key_of(with_none)):
+    parameters = {name: value for name, value in varied.items() if value is not None}
+    if row[KEY] not in (key_of(parameters), key_of(varied)):
         yield Check(f"{KEY} {row[KEY]!r}", False, "it is the name of other parameters")
     if row["error"]:
         if text is not None or any(row[name] == row[name] for name in FIGURES) or row["status"]:
@@ -129,25 +121,16 @@ def _row(
             yield Check("scene", False, "what is held is of another scene than its parameters make")
             return
         results = results_of(solution)
-        for name, held in results.items():
-            if row[name] != held and (row[name] == row[name] or held == held):
-                yield Check(f"{name} {row[name]!r:.60}", False, f"its result says {held!r:.60}")
-        asked = _asked(options)
+        yield from compared({name: row.get(name) for name in results}, results, near=0.0)
+        # what was asked, as far as results name it
+        asked = {name: options[name] for name in options.keys() & _NAMED}
+        yield from map(unseen, options.keys() - _NAMED)
+        if "surface" in asked:
+            asked["surface"] = surfaces_of(asked["surface"])[1]
         if solution.interaction == "none":
             asked.pop("moments", None)
-        yield from asked_checks(solution, asked, "its result says")
-        yield from map(unseen, options.keys() - {"surface", "moments", "tolerance", "method"})
+        yield from asked_checks(solution, **asked)
         yield from solution_checks(solution, scene, **own)
-        yield from map(unseen, {*row} - {KEY, IDENTITY, *with_none, *results})
+        yield from map(unseen, {*row} - {KEY, IDENTITY, *varied, *results})
     except CvxlimitError as error:
         yield Check("bracket", False, str(error))
-
-
-def _asked(options: Mapping[str, Any]) -> dict[str, Any]:
-    """What a result says of the options that were varied, as far as results name them."""
-    said = {name: options[name] for name in ("moments", "tolerance") if options.get(name)}
-    if isinstance(options.get("surface"), str):
-        said |= words_of(surfaces_of(options["surface"])[1])
-    if isinstance(options.get("method"), str):
-        said |= words_of_method(options["method"])
-    return said

@@ -26,7 +26,7 @@ from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.readings.named import parse_moments
 from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution, Status
+from cvxlimit.solution import FromRest, Solution, Status
 from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.solution.said import said
 from cvxlimit.solvers import asked_ladder, ladder_of
@@ -38,6 +38,13 @@ FIGURES = ("load_factor", "lower", "upper", "gap", "least_factor", "dilatancy")
 TEXTS = ("status", "note", "error", "solver")
 RESULTS = (*FIGURES, *TEXTS, "seconds")
 """Columns of a sweep besides its parameters."""
+
+OF_A_WAY = (
+    "from_rest_to_come", "from_rest_limit", "from_rest_spread_least", "from_rest_spread_most",
+    "from_rest_beds_least", "from_rest_beds_most",
+)  # fmt: skip
+"""Columns besides of method ``"incremental"``: what may be to come, the proved limit if joints open
+as they slide, and the other ends."""
 
 _LOADS = ("live", "dead")
 """Parameters of :func:`varied` that are no numbers."""
@@ -111,7 +118,7 @@ def _put(kept: OrderedDict[Any, Any], key: object, value: object) -> None:
         kept.popitem(last=False)
 
 
-def _check_option(name: str, value: object) -> None:
+def check_option(name: str, value: object) -> None:
     """Raises ModelError or InputError for an option that :func:`cvxlimit.solve` refuses."""
     if name not in OPTIONS:
         raise ModelError(
@@ -140,7 +147,7 @@ class Study:
                 f"scenes must be a Scene or a function that returns one, got {self.scenes!r:.60}"
             )
         for name, value in self.options.items():
-            _check_option(name, value)
+            check_option(name, value)
         if self.measure is not None and not callable(self.measure):
             raise ModelError(f"measure must be a function of a solution, got {self.measure!r:.60}")
 
@@ -173,7 +180,7 @@ class Study:
         for variation in variations:
             parameters, for_solve = self.split(variation)
             for name, value in for_solve.items():
-                _check_option(name, value)
+                check_option(name, value)
             for name, value in parameters.items() if isinstance(self.scenes, Scene) else ():
                 if name not in _LOADS and not (value is None or is_number(value)):
                     raise InputError(f"{name} must be a number, got {value!r:.60}")
@@ -231,6 +238,7 @@ class Study:
 def results_of(solution: Solution) -> Row:
     """Returns what a row says of its solution, by column."""
     factor, end, slides = solution.load_factor, solution.lower_end, solution.dilatancy
+    from_rest = {} if solution.from_rest is None else _of_a_way(solution.from_rest)
     return {
         "load_factor": np.nan if factor is None else factor,
         "lower": solution.lower,
@@ -241,7 +249,18 @@ def results_of(solution: Solution) -> Row:
         "status": str(solution.status),
         "note": said(solution).headline,
         "solver": solution.history[-1].solver if solution.history else "",
+        **from_rest,
     }
+
+
+def _of_a_way(way: FromRest) -> Row:
+    """Returns the columns that only a way from rest has, whose end is the load factor."""
+    values = [way.to_come, way.limit]
+    for trials in (way.spread, way.draws):
+        ends = [trial.load_factor for trial in trials if trial.load_factor is not None]
+        values += [min(ends, default=None), max(ends, default=None)]
+    found = zip(OF_A_WAY, values, strict=True)
+    return {name: np.nan if value is None else value for name, value in found}
 
 
 def _answer(known: Structures, scene: Scene, options: Row) -> Solution:

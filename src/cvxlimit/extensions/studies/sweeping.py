@@ -9,12 +9,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from cvxlimit.base.extras import needed
-from cvxlimit.base.progressbar import progress_bar
+from cvxlimit.base.progressbar import Progress, progress_bar
 from cvxlimit.base.search import searched
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.patched import nearest_first
-from cvxlimit.extensions.studies.rows import RESULTS, Row, Study
+from cvxlimit.extensions.studies.rows import OF_A_WAY, RESULTS, Row, Study
 from cvxlimit.extensions.studies.store import IDENTITY, KEY, PROOF, Store, key_of
 from cvxlimit.extensions.studies.variations import Grid, variations_of
 from cvxlimit.io.scenes import scene_digest, scene_to_dict
@@ -32,7 +32,7 @@ def sweep(
     executor: Any = None,
     path: str | os.PathLike[str] | None = None,
     measure: Callable[[Solution], Mapping[str, Any]] | None = None,
-    progress: bool | Callable[[str], None] = True,
+    progress: Progress = True,
     **options: Any,
 ) -> DataFrame:
     """Solve all variations of a structure, and return a table with one row for each.
@@ -61,7 +61,7 @@ def sweep(
         continues an interrupted sweep: stored rows are not solved again.
     measure : callable or None
         From a solution to further columns: ``lambda s: {"moving": len(s.mechanism)}``.
-    progress : bool or callable
+    progress : bool, callable or None
         Show a bar on stderr, or call this with a line of text after every row.
     options
         Of :func:`cvxlimit.solve`, for all variations.
@@ -71,7 +71,11 @@ def sweep(
     DataFrame
         In the order of the grid: the parameters; ``load_factor``, ``lower``, ``upper``, ``gap``,
         ``least_factor`` of an interval, the share of ``dilatancy``; ``status``, ``note`` (the
-        answer in a sentence), ``solver``; ``error``, empty where all went well; ``seconds``.
+        answer in a sentence), ``solver``; ``error``, empty where all went well; ``seconds``. By
+        method ``"incremental"`` the load factor is that reached from rest, and there are
+        ``from_rest_to_come`` and ``from_rest_limit`` (:class:`~cvxlimit.solution.FromRest`), and
+        the least and the largest of the other ends: ``from_rest_spread_least``,
+        ``from_rest_spread_most``, ``from_rest_beds_least``, ``from_rest_beds_most``.
         ``table.attrs["found"]`` counts the rows that were stored already. After Ctrl-C those rows
         that were done, and ``table.attrs["is_interrupted"]``.
 
@@ -115,7 +119,7 @@ def sweep(
 
 def _check_names(table: DataFrame) -> None:
     """Raises InputError for a parameter that is called like a result."""
-    clash = sorted(set(table.columns) & {*RESULTS, KEY, IDENTITY, PROOF})
+    clash = sorted(set(table.columns) & {*RESULTS, *OF_A_WAY, KEY, IDENTITY, PROOF})
     if clash:
         cure = "; its name as a parameter is ladder" if clash[0] == "solver" else ""
         raise InputError(
@@ -128,7 +132,7 @@ def _done(
     variations: Mapping[str, Row],
     executor: Any,
     store: Store | None,
-    progress: bool | Callable[[str], None],
+    progress: Progress,
 ) -> tuple[dict[str, Row], bool]:
     """Returns the rows by name, and whether Ctrl-C came before all were there."""
     done = dict[str, Row]()

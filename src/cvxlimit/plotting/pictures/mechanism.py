@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from cvxlimit.base.checks import positive
-from cvxlimit.plotting.annotations import annotated, shapes_of
+from cvxlimit.plotting.annotations import annotated, shapes_of, without_live_load
 from cvxlimit.plotting.contents import Bar, Drawing, Viewer, at_rest, camera_for
 from cvxlimit.plotting.look import SLOW, SPEED_TEXT, moving_joints, title
 from cvxlimit.plotting.registry import picture
 from cvxlimit.plotting.style import Style
 from cvxlimit.results.movement import Motion, motion
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution
+from cvxlimit.solution import LOAD_FACTOR, Solution
 from cvxlimit.solution.kinematics import ContactKind
 
 CRACK = 1.8
@@ -55,8 +55,11 @@ def mechanism_of(
     moving = motion(scene, solution)
     moving = replace(moving, scale=positive(magnification, "magnification") * moving.scale)
     length = moving.scale * moving.largest
+    is_load = solution.quantity == LOAD_FACTOR
+    what = "collapse mechanism" if is_load else "movement as the supports give way"
+    notes = annotated(scene) if is_load else without_live_load(annotated(scene))
     caption = (
-        f"collapse mechanism; largest displacement drawn {length:.3g} {scene.units.length}; "
+        f"{what}; largest displacement drawn {length:.3g} {scene.units.length}; "
         f"joints above {100 * SLOW:g} % of the largest rate"
         f"{_dilatancy_caption(solution, moving)}"
     )
@@ -67,7 +70,7 @@ def mechanism_of(
         title(solution),
         caption if moving.moves else "",
         marking=moving_joints(scene, moving),
-        notes=annotated(scene),
+        notes=notes,
         bar=Bar(Style.speed, SPEED_TEXT) if moving.moves else None,
         blocks="block (no mechanism)",
         shapes=shapes_of(scene, solution, moving),

@@ -17,7 +17,7 @@ from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.relaxation.column_blocks import ColumnBlock, Halfway
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem, HullState
 from cvxlimit.extensions.interaction.relaxation.upper import priced_disjuncts
-from cvxlimit.extensions.interaction.settings import BRANCH
+from cvxlimit.extensions.interaction.settings import BRACKET, BRANCH
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.extensions.interaction.states.support import Range, box_keys
@@ -116,7 +116,7 @@ class Relaxer:
     ) -> None:
         self.moments, self.contacts = moments, assemblage.contacts
         purpose = "nodes of many" if len(self.contacts) >= MANY else "nodes"
-        closest = max(1e-8, BRANCH.solved * tolerance)
+        closest = max(1e-8, BRANCH.precision * tolerance)
         self.ladder = tuple(ladder or ladder_for(purpose, closest))
         self.tight = tuple(ladder or ladder_for("tight"))
         self.flow = InteractionFlow(self.contacts, moments)
@@ -138,7 +138,7 @@ class Relaxer:
     def __reduce__(self) -> tuple[type[Relaxer], tuple[object, ...]]:
         """What another process makes it of anew: factorisations stay behind, and so do the ladder
         of tight solves, which the search keeps to its own process, and what was experienced."""
-        assemblage, opening = self.certifier.assemblage, self.certifier.witnesses.opening_field
+        assemblage, opening = self.certifier.assemblage, self.certifier.references.opening_field
         bare = replace(assemblage, balance=Balance.of(assemblage.statics), strengths={})
         return Relaxer, (bare, self.moments, self.ladder, opening)
 
@@ -175,7 +175,7 @@ class Relaxer:
             for part, power in zip(parts, powers, strict=True)
             if power > 0.0
         }
-        field = self.certifier.witnesses.opening_field
+        field = self.certifier.references.opening_field
         if len(asked) > 1:
             opening = None if field is None else self.statics.relative_rates(field)
             self.flow.ask_together(list(asked), list(asked.values()), opening)
@@ -262,7 +262,7 @@ class _Part:
         found = self.certifier.certificate(self.node.forces, None, self.mechanism).upper
         if found < self.node.bound:
             self.node = replace(self.node, bound=found, mechanism=self.mechanism)
-        worth = BRANCH.worth_a_disjunct * self.goal.width
+        worth = BRACKET.worth_a_disjunct * self.goal.width
         is_close = found - self.node.load_factor <= worth
         self.is_stuck = not is_close and self.node.load_factor < self.goal.cut < self.node.bound
         if is_close or self.node.bound < self.goal.lower:
@@ -287,9 +287,9 @@ class _Part:
                 self.node = replace(self.node, bound=found, mechanism=state.mechanism)
 
 
-def scores(relaxer: Relaxer, node: Node, at_rest: float) -> FloatArray:
+def scores(relaxer: Relaxer, node: Node) -> FloatArray:
     """Returns how much of the gap each contact (n,) of a solved node carries: excess of Eq. 30
-    times speed, of which those at rest have a share ``at_rest`` of the largest."""
+    times speed, of which those at rest have a share of the largest."""
     assert node.forces is not None
     assert node.mechanism is not None
     width = np.ptp(node.boxes, axis=2).max(axis=1)
@@ -297,7 +297,7 @@ def scores(relaxer: Relaxer, node: Node, at_rest: float) -> FloatArray:
     most = width * np.maximum(node.forces[:, COLUMN["N"]], 0.0)
     excess = np.clip(relaxer.moments.excess(node.forces, relaxer.contacts), 0.0, most)
     speed = relaxer.speeds(node.mechanism)
-    speed = speed + at_rest * float(speed.max())
+    speed = speed + BRANCH.at_rest * float(speed.max())
     return np.where(width > BRANCH.narrowest, excess, 0.0) * speed
 
 
@@ -329,7 +329,7 @@ def choice(relaxer: Relaxer, node: Node) -> Split | None:
     may be at rest in the next."""
     if node.forces is None or node.mechanism is None:
         return _widest(relaxer, node)
-    score = scores(relaxer, node, BRANCH.at_rest) * relaxer.experience.expected
+    score = scores(relaxer, node) * relaxer.experience.expected
     if not score.max() > 0.0:
         return _widest(relaxer, node)
     return _place(relaxer, node, node.forces, int(score.argmax()))

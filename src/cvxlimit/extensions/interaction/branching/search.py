@@ -26,13 +26,13 @@ from functools import cached_property
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import SMALL, FloatArray, IntArray
 from cvxlimit.base.search import searched
 from cvxlimit.extensions.interaction.branching.nodes import Explored, Goal, Node, Relaxer
 from cvxlimit.extensions.interaction.branching.tightening import tightened_root
 from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.extensions.interaction.restriction.inner import InnerMethod
-from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBounds, plain_witnesses
+from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBounds, plain_references
 from cvxlimit.extensions.interaction.settings import BRANCH
 from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.extensions.interaction.states.support import whole_boxes
@@ -88,9 +88,9 @@ class BranchAndBound:
         self._until = run.clock.elapsed + BRANCH.tightening * seconds
         self._end = run.clock.elapsed + seconds
         with run.clock.phase("compile"):
-            opening = None if outer is None else outer.certifier.witnesses.opening_field
+            opening = None if outer is None else outer.certifier.references.opening_field
             self.relaxer = Relaxer(run.assemblage, run.moments, run.ladder, opening, tolerance)
-            self.is_proved = self.relaxer.certifier.witnesses.opening_field is not None
+            self.is_proved = self.relaxer.certifier.references.opening_field is not None
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.price: float | None = None
         self.open: list[tuple[float, int, Node]] = []
@@ -151,7 +151,7 @@ class BranchAndBound:
         self._last = root
         # First forces: those of the dead load alone, then those near the root's.
         if self.lower < 0.0:
-            at_rest = plain_witnesses(self.run.assemblage).dead_state
+            at_rest = plain_references(self.run.assemblage).dead_state
             if at_rest is not None and self.checker.is_admissible(at_rest, 0.0):
                 self.lower, self.forces = 0.0, at_rest
         self._settle_at(root)
@@ -283,7 +283,9 @@ class BranchAndBound:
         mechanism = (self.open[0][2] if self.open else self._last).mechanism
         run.best = run.best.lowered(self.upper, self.is_proved, mechanism)
         gap = self.upper - self.lower
-        if run.best is not before and (gap <= BRANCH.told * self._noted_gap or not self.can_go_on):
+        if run.best is not before and (
+            gap <= (1.0 - SMALL) * self._noted_gap or not self.can_go_on
+        ):
             self._noted_gap = gap
             state = LimitState(Outcome("optimal", 0.0, 0.0), self._last.load_factor, None, None)
             run.note(state, f"branch and bound, {self.solves} problems", **run.bounds)

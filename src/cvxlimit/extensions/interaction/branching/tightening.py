@@ -20,7 +20,7 @@ from cvxlimit.extensions.interaction.branching.nodes import Explored, Goal, Node
 from cvxlimit.extensions.interaction.relaxation.column_blocks import ColumnBlock, Columns, stacked
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem, LoadBlock
 from cvxlimit.extensions.interaction.relaxation.upper import priced_disjuncts
-from cvxlimit.extensions.interaction.settings import BRANCH, PROOF
+from cvxlimit.extensions.interaction.settings import BRACKET, BRANCH, PROOF
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.formulations import times
@@ -59,12 +59,10 @@ class _Tightening:
         if node.forces is None or node.mechanism is None:
             return node
         self._state_reach()
-        # Contacts that carry most of the gap, those with the highest score first.
+        # Contacts that carry the gap, those with the highest score first.
         centre = centres(node.forces, relaxer.contacts)
-        score = scores(relaxer, node, BRANCH.at_rest_tightened)
-        rows = np.argsort(-score)
-        before = np.cumsum(score[rows]) - score[rows]
-        rows = rows[(before < BRANCH.carried * score.sum()) & (score[rows] > 0.0)].tolist()
+        score = scores(relaxer, node)
+        rows = [j for j in np.argsort(-score).tolist() if score[j] > 0.0]
         # Each end of their ranges that is far enough from the pressure centre is moved inwards.
         for j, axis, side in product(rows, (0, 1), (0, 1)):
             if not has_time():
@@ -130,7 +128,7 @@ class _Tightening:
         # Not proved: disjuncts on which this mechanism does more power than those of the problem.
         power, new = float(relaxer.statics.live @ rates.ravel()), Disjuncts.none()
         if power > 0.0:
-            worth = BRANCH.worth_a_disjunct * goal.width
+            worth = BRACKET.worth_a_disjunct * goal.width
             new = priced_disjuncts(flow, certifier, rates / power, worth).without(np.array([j]))
         self._is_missing = len(new) > 0
         if self._is_missing:

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
-from cvxlimit.model.sinks import Form, Rows
+from cvxlimit.model.sinks import CONSTANT_COLUMN, Form, Rows
 from cvxlimit.solvers.matrices import Point
 
 Entry = tuple[IntArray, IntArray, FloatArray]
@@ -137,8 +137,8 @@ def cut(
 
 def _owner(form: Form, of_column: IntArray) -> IntArray:
     """Returns the disjunct (k,) of each of a limit's rows, that of any of its columns."""
-    result = np.zeros(form.size, dtype=int)
-    result[form.row] = of_column[form.column]
+    result, on = np.zeros(form.size, dtype=int), form.column != CONSTANT_COLUMN
+    result[form.row[on]] = of_column[form.column[on]]
     return result
 
 
@@ -166,10 +166,10 @@ def _entries(
     triples = (3 * cone[:, None] + np.arange(3)).ravel()
     first = np.cumsum([0, equations, len(line)])
     at = np.concatenate([np.arange(equations), first[1] + line, first[2] + triples])
-    every = [
-        (at[rows], column[columns], values) for rows, columns, values, _ in stated.entries()[0]
-    ]
-    matrix = stacked(every, (len(at), len(column)))
+    whole = stated.entries()
+    on = whole.column != CONSTANT_COLUMN
+    every = at[whole.row[on]], column[whole.column[on]], whole.value[on]
+    matrix = stacked([every], (len(at), len(column)))
     # Each entry's row, numbered within its kind and block.
     kind = np.searchsorted(first, matrix.indices, side="right") - 1
     none = np.zeros(len(starts[1]) - 1, dtype=int)

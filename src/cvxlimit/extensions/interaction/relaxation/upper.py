@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.halves import SymmetricHalf
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem, HullState
@@ -39,12 +39,12 @@ def priced_disjuncts(
     ``certifier`` opens the mechanism u by t u0 with t = missing / spare, which raises the bound
     by t times the rate -(f_D + alpha f_L) . u0; contacts count that raise it by ``worth``.
     """
-    statics, field = certifier.statics, certifier.witnesses.opening_field
+    statics, field = certifier.statics, certifier.references.opening_field
     live = float(statics.live @ mechanism.ravel())
     mechanism = mechanism / live if live > 0.0 else mechanism  # as the certificate has it
     rates = statics.relative_rates(mechanism)
     missing, centre, arm = flow.worst(rates)
-    noise = BRACKET.noise * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
+    noise = ROUNDING * float(np.abs(rates[:, : COLUMN["N"] + 1]).max())
     chosen = (missing > noise) & np.isfinite(centre).all(axis=1)
     if field is not None:
         bound = -float(statics.dead @ mechanism.ravel())

@@ -224,7 +224,7 @@ class InnerMethod(SafeProblems):
             least = self.gain * abs(lower)
             if lower - best < least or factor - lower < least:
                 return
-            best, nearly = max(best, lower), CLIMB.retry * boxes.excess
+            best, nearly = max(best, lower), boxes.excess
 
     def _nearby(
         self, boxes: Boxes, disjuncts: Disjuncts, forces: FloatArray, freezes: bool
@@ -237,7 +237,7 @@ class InnerMethod(SafeProblems):
             yield frozen
             if frozen.is_safe:
                 return
-        if boxes.largest <= CLIMB.noise:
+        if boxes.largest <= TOLERANCE:
             tight = self.restricted("box", lambda settings: self.hull.solve(disjuncts, settings))
             yield tight
             if tight.is_safe:
@@ -269,7 +269,7 @@ class InnerMethod(SafeProblems):
             least, hope = self.gain * abs(iterate.lower), _predicted(gains)
             if gain < least and (reach == 0.0 or (gain > 0.0 and hope < least)):
                 return
-            if best + CLIMB.hope * hope < self._mark:
+            if best + hope < self._mark:
                 return
             reach, at = reach if gain > 0.0 else 0.0, here
             if before is not None and reach > 0.0:

@@ -27,7 +27,7 @@ from cvxlimit.model.formulations import ForceModel, Part, corner_compressions
 from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.statement import LargestFactor
 from cvxlimit.model.statics import block_sizes
-from cvxlimit.proof.slater import Witnesses
+from cvxlimit.proof.references import References
 from cvxlimit.proof.strength import Strength
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import centres, half_extent
@@ -176,12 +176,12 @@ class TrueStrength(Strength):
         """That of the surfaces without interaction: what resists nothing there does so here."""
         return Strength(self.assemblage, DEFAULT_SURFACES).balance
 
-    def excess(self, state: FloatArray) -> list[FloatArray]:
-        return [true_excess(state, self.contacts, self.moments)]
+    def excess(self, state: FloatArray) -> FloatArray:
+        return true_excess(state, self.contacts, self.moments)
 
     @property
-    def rows(self) -> list[IntArray]:
-        return [np.arange(len(self.contacts))]
+    def rows(self) -> IntArray:
+        return np.arange(len(self.contacts))
 
 
 def carried(state: LimitState) -> FloatArray | None:
@@ -203,9 +203,9 @@ def rocking_excess(forces: FloatArray, contacts: Contacts) -> FloatArray:
     return np.maximum(outside, -forces[:, COLUMN["N"]])
 
 
-def plain_witnesses(assemblage: Assemblage) -> Witnesses:
+def plain_references(assemblage: Assemblage) -> References:
     """Returns the reference states of an assemblage without interaction."""
-    return Witnesses(assemblage, Strength(assemblage, DEFAULT_SURFACES))
+    return References(assemblage, Strength(assemblage, DEFAULT_SURFACES))
 
 
 def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
@@ -217,7 +217,7 @@ def central_states(assemblage: Assemblage) -> Iterator[FloatArray]:
         smaller = replace(shrunk, friction=friction * whole.friction)
         statics = replace(assemblage.statics, contacts=smaller)
         balance = Balance(statics, corner_compressions(smaller))
-        state = plain_witnesses(replace(assemblage, statics=statics, balance=balance)).dead_state
+        state = plain_references(replace(assemblage, statics=statics, balance=balance)).dead_state
         if state is not None:
             yield state
 

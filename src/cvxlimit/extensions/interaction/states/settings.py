@@ -1,4 +1,4 @@
-"""The numbers behind states of contacts, measured in docs/evidence/interaction-speed.md.
+"""The numbers behind states of contacts, measured in docs/evidence/closing.md.
 
 Only speed and width depend on them: bounds are checked outside of all problems. Places are
 fractions of the half extents of contacts.
@@ -15,8 +15,7 @@ class SupportSettings:
 
     pieces: int = 8  # into which an edge is cut at a time
     most_pieces: int = 100_000  # at once, beyond which memory counts for more than closeness
-    edges: float = 1e-10  # width of enclosures along edges, over the largest power in play
-    boxes: float = 1e-8  # the same over boxes, which close more slowly
+    boxes: float = 1e-8  # width of enclosures over edges and boxes, over the largest power in play
     most_whole: int = 500  # polygons whose arms, 5 ms each, are bounded even of whole contacts
     cells: int = 4  # along a polygon's sides, two or more along its box's: bounds with 8 are alike
     digits: int = 40  # binary ones of a polygon's size in which equal ones agree
@@ -27,8 +26,9 @@ class SupportSettings:
     friction: float = 1e-3  # least in the balance of product bounds, to keep that finite
     idle: float = 0.3  # least share of it for the half of a moment that is zero at the point
     central: float = 1e-4  # share of a side from an axis within which centres may cross that
-    narrowest: float = 0.2  # least share of a range that a child gets, so that ranges shrink
-    near_zero: float = 0.25  # of it, up to which a cut is made at zero where both signs are left
+    # Least share of a range that a child gets, so that ranges shrink, and up to which a cut is made
+    # at zero where both signs are left.
+    narrowest: float = 0.2
 
 
 SUPPORT = SupportSettings()

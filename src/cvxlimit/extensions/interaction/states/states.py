@@ -120,7 +120,7 @@ class States(ABC):
     def split(self, low: float, high: float, at: float, is_even: bool) -> list[Range]:
         """The ranges into which branching cuts [low, high] near ``at``: at zero first, unless that
         is far from it; ``is_even`` if the contact does the same on either side of the middle."""
-        if low < 0.0 < high and abs(at) <= SUPPORT.near_zero * (high - low):
+        if low < 0.0 < high and abs(at) <= SUPPORT.narrowest * (high - low):
             return [(low, 0.0), (0.0, high)]
         reserve = SUPPORT.narrowest * (high - low)
         cut = float(np.clip(at, low + reserve, high - reserve))

@@ -168,7 +168,7 @@ def independent_support(asked: Asked) -> Support:
     edges = np.concatenate([corner[[a, b]] for a, b in ((0, 2), (2, 3), (1, 3), (0, 1))], axis=1)
     cuts = int(asked.halvings / np.log2(SUPPORT.pieces)) + 1
     every = np.tile(rows, 4)
-    upper, centre = asked.largest(every, edges, found, SUPPORT.edges, cuts, _cut_edges)
+    upper, centre = asked.largest(every, edges, found, SUPPORT.boxes, cuts, _cut_edges)
     return upper, np.where(free, np.abs(centre), centre)
 
 

@@ -13,7 +13,8 @@ from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
 from cvxlimit.cli.options import Command, named_values, vector
-from cvxlimit.cli.report import SCENE_PICTURES, ExitCode, facts, files_asked, refuse, show
+from cvxlimit.cli.report import SCENE_PICTURES, facts, files_asked
+from cvxlimit.cli.shell import ExitCode, refuse, show
 from cvxlimit.cli.solving import scene_named
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.domains.comparing import DomainComparison, compare_domains

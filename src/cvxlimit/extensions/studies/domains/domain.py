@@ -14,7 +14,7 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import finite_vector
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.studies.domains.polytopes import Inner, Outer, ring
+from cvxlimit.extensions.studies.domains.polytopes import FLAT, Inner, Outer, ring
 from cvxlimit.extensions.studies.domains.supports import Support
 from cvxlimit.model.statics import ZERO
 from cvxlimit.scene import Scene
@@ -117,9 +117,19 @@ class LoadDomain:
         """See :attr:`normals`."""
         return np.array([s.offset for s in self._bounding])
 
-    @property
+    @cached_property
     def _bounding(self) -> list[Support]:
-        return [s for s in self.supports if np.isfinite(s.offset)]
+        """Supports whose half-space holds all: one that rests on an assumption, and that a ray
+        leaves by more than solvers' rounding, is refuted by the ray's forces."""
+        bounding = [s for s in self.supports if np.isfinite(s.offset)]
+        leaves = [
+            (self.rays @ s.normal > FLAT * np.abs(self.rays) @ np.abs(s.normal)).any()
+            for s in bounding
+        ]
+        return [
+            s for s, leaves in zip(bounding, leaves, strict=True)
+            if s.half_space_is_proved or not leaves
+        ]  # fmt: skip
 
     def _stacked(self, rows: Sequence[FloatArray]) -> FloatArray:
         return np.array(rows, dtype=float).reshape(-1, len(self.units))
@@ -230,9 +240,7 @@ class LoadDomain:
         if self.is_empty or least_kept > upper:  # the whole line is ruled out
             upper = -np.inf
         low, high = self._along(along) if self.inner is None else self.inner.reach(zero, along)
-        lower = high if low <= high else -np.inf
-        if lower == np.inf:  # by rays, which no half-space ends but by rounding
-            upper = lower
+        lower = min(high, upper) if low <= high else -np.inf  # where both meet but for rounding
         least = ZERO / float(np.abs(along).max())
         return Bracket(lower, upper, self.is_proved, self.is_proved, least)
 
@@ -253,7 +261,7 @@ class LoadDomain:
             If ``point`` is not as many finite numbers as there are loads.
         """
         at = self._vector(point, "point") / self.units
-        if self.is_empty or (self.outer.normals @ at > self.outer.offsets).any():
+        if self.is_empty or self.outer.excludes(at):
             return "not carried"
         if self.inner is None:
             return "carried" if (self.points == np.asarray(point)).all(axis=1).any() else "open"

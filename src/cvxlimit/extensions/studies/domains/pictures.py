@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import InputError
+from cvxlimit.extensions.studies.domains.polytopes import ROUNDED
 from cvxlimit.plotting.look import printable, saved
 from cvxlimit.plotting.notebook import card
 from cvxlimit.plotting.pictures.webpage import Page, framed
@@ -197,7 +198,7 @@ def domain_page(domains: Sequence[Any]) -> Page:
                          "offsets": body.offsets.tolist()}  # fmt: skip
                 if is_inner:
                     made |= {name: getattr(body, name).T.tolist() for name in ("origin", "basis")}
-                    made |= {"across": body.across.tolist(), "rounded": body.ROUNDED}
+                    made |= {"across": body.across.tolist(), "rounded": ROUNDED}
             if is_inner:
                 made["points"] = [[s.point.tolist(), s.is_mirrored] for s in domain.supports
                                   if s.point is not None]  # fmt: skip

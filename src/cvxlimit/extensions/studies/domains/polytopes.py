@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
@@ -16,9 +15,11 @@ FLAT = 1e-7
 """Extent, over the natural size of load factors, below which a set counts as flat: ten times what
 solvers leave of a load factor that is zero."""
 
+ROUNDED = 1e-12
+"""Share of a direction's length that counts as rounding."""
+
 _FAR = 1e4
-"""Length, over the window's, at which rays end where a hull of points is made of them. Facets of
-that hull on which no point lies are where rays end: they are left out, and the set goes on."""
+"""Length, over the window's, at which rays end where a hull of points is made of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +33,6 @@ class Inner:
     normals : (f, k), offsets : (f,)
         The hull is normals @ x <= offsets within the plane: no facet where it has no end.
     """
-
-    ROUNDED: ClassVar[float] = 1e-12
-    """Share of a direction's length that counts as rounding."""
 
     points: FloatArray
     rays: FloatArray
@@ -52,7 +50,8 @@ class Inner:
         near = np.vstack([points - origin, rays])
         spread, axes = np.linalg.svd(near, full_matrices=False)[1:]
         basis = axes[spread > FLAT].T
-        normals, offsets = _facets((every - origin) @ basis, (points - origin) @ basis)
+        far = 2.0 * window * np.sqrt(points.shape[1])
+        normals, offsets = _facets((every - origin) @ basis, (points - origin) @ basis, far)
         return cls(points, rays, origin, basis, normals @ basis.T,
                    offsets + normals @ (basis.T @ origin))  # fmt: skip
 
@@ -76,21 +75,21 @@ class Inner:
     def holds(self, point: FloatArray) -> bool:
         """True if a point is inside all facets, and in the plane up to rounding."""
         step = point - self.origin
-        off = np.abs(self.across @ step).max(initial=0.0) <= self.ROUNDED * np.abs(step).max()
+        off = np.abs(self.across @ step).max(initial=0.0) <= ROUNDED * np.abs(step).max()
         return bool(off and (self.normals @ point <= self.offsets).all())
 
     def holds_ray(self, direction: FloatArray) -> bool:
         """True if rays along ``direction`` never leave."""
         if not len(self.rays):
             return False
-        least = self.ROUNDED * np.linalg.norm(direction)
+        least = ROUNDED * np.linalg.norm(direction)
         off = np.abs(self.across @ direction).max(initial=0.0)
         return bool(off <= least and (self.normals @ direction <= least).all())
 
     def reach(self, start: FloatArray, direction: FloatArray) -> tuple[float, float]:
         """Least and largest t with start + t direction inside; (inf, -inf) if there is none."""
         away, off = self.across @ direction, self.across @ (start - self.origin)
-        if np.abs(away).max(initial=0.0) > self.ROUNDED * np.abs(direction).max():
+        if np.abs(away).max(initial=0.0) > ROUNDED * np.abs(direction).max():
             t = float(-(away @ off) / (away @ away))
             return (t, t) if self.margin(start + t * direction) >= 0.0 else (np.inf, -np.inf)
         if np.abs(off).max(initial=0.0) > FLAT:
@@ -104,9 +103,14 @@ class Inner:
         return low, high
 
 
-def _facets(along: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _facets(along: FloatArray, points: FloatArray, far: float) -> tuple[FloatArray, FloatArray]:
     """Facets of the hull of what is ``along`` the plane (n, r) as normals @ z <= offsets, a little
-    inside it: those on which one of the ``points`` (m, r) lies."""
+    inside it, moved back to the ``points`` (m, r).
+
+    Facets that are ``far`` beyond all points are where rays end: they are left out, and the set
+    goes on. A facet that is near them though no point lies on it comes from rays that are opposite
+    but for rounding: rounding proves nothing, and the set ends at the points.
+    """
     if along.shape[1] == 0:
         return np.zeros((0, 0)), np.zeros(0)
     if along.shape[1] == 1:
@@ -114,8 +118,9 @@ def _facets(along: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArr
     else:
         equations = np.unique(ConvexHull(along).equations, axis=0)
         normals, offsets = equations[:, :-1], -equations[:, -1]
-    has_point = offsets - (points @ normals.T).max(axis=0) <= FLAT
-    normals, offsets = normals[has_point], offsets[has_point]
+    most = (points @ normals.T).max(axis=0)
+    is_near = offsets - most <= far
+    normals, offsets = normals[is_near], np.minimum(offsets, most)[is_near]
     return normals, offsets - ROUNDING * np.abs(offsets)
 
 
@@ -144,8 +149,10 @@ def ring(
 def _interval(
     normals: FloatArray, offsets: FloatArray, start: FloatArray, direction: FloatArray
 ) -> tuple[float, float]:
-    """Ends of the t with normals @ (start + t direction) <= offsets."""
+    """Ends of the t with normals @ (start + t direction) <= offsets; a direction that is along one
+    of these but for rounding is not ended by it."""
     speed, room = normals @ direction, offsets - normals @ start
+    speed[np.abs(speed) <= ROUNDED * np.linalg.norm(direction)] = 0.0
     if (room[speed == 0.0] < 0.0).any():
         return np.inf, -np.inf
     ahead, behind = speed > 0.0, speed < 0.0
@@ -163,6 +170,11 @@ class Outer:
     def reach(self, start: FloatArray, direction: FloatArray) -> tuple[float, float]:
         """Least and largest t with start + t direction inside; (inf, -inf) if there is none."""
         return _interval(self.normals, self.offsets, start, direction)
+
+    def excludes(self, point: FloatArray) -> bool:
+        """True if a point is outside one of them, by more than rounding."""
+        spare = ROUNDED * np.linalg.norm(point)
+        return bool((self.normals @ point > self.offsets + spare).any())
 
     def within(self, low: FloatArray, high: FloatArray) -> Outer:
         """The same within low <= x <= high."""

@@ -29,7 +29,7 @@ import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import check_choice, count, of_type, ratio
-from cvxlimit.base.progressbar import progress_bar
+from cvxlimit.base.progressbar import Progress, progress_bar
 from cvxlimit.base.search import searched
 from cvxlimit.base.versions import __version__
 from cvxlimit.errors import InputError
@@ -219,7 +219,7 @@ class Search:
                 yield Support(way * units, None, way * units, none, np.inf, True)
         inner = self.domain.inner
         is_thin = self.study.method == "convex" and (inner is None or inner.is_flat)
-        if is_thin and structure.certifier.witnesses.dead_state is not None:
+        if is_thin and structure.certifier.references.dead_state is not None:
             yield Support(none, structure.centre * units, None, none, np.inf, True)
 
     def first_directions(self) -> list[FloatArray]:
@@ -304,7 +304,7 @@ def load_domain(
     directions: int = 16,
     executor: Any = None,
     path: str | os.PathLike[str] | None = None,
-    progress: bool | Callable[[str], None] = True,
+    progress: Progress = True,
 ) -> LoadDomain:
     """Returns all load factors of two or three live loads that a structure carries, enclosed with
     proof.
@@ -339,12 +339,13 @@ def load_domain(
     path : path or None
         A JSON file that is written as answers come, once a second at most, and at the end; the
         same call goes on from it.
-    progress : bool or callable
+    progress : bool, callable or None
         A bar on stderr with the gap, or a function that is told.
 
     Returns
     -------
     LoadDomain
+        Its ``to_dataframe()`` has a row for each direction that was solved.
 
     Raises
     ------

@@ -28,6 +28,7 @@ from cvxlimit.extensions.studies.domains.images import LoadMirror, Raw, load_mir
 from cvxlimit.extensions.studies.domains.polytopes import FLAT
 from cvxlimit.extensions.studies.domains.reach import Reach
 from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.aside import SOLVERS_ASIDE
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import BOUNDLESS, Run, packed
 from cvxlimit.model.assemblage import Reduction
@@ -37,20 +38,13 @@ from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
-from cvxlimit.proving.solutions import as_solved
+from cvxlimit.proving.solutions import evidence_of
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load, combined
 from cvxlimit.solution import Solution, Status
 from cvxlimit.solution.bracket import REFERENCE, Bracket
 from cvxlimit.surfaces.coulomb import needed_surfaces
-
-_MOST_SOLVERS = 3
-"""Solvers of the ladder that one question may take."""
-
-_AT_WINDOW, _WIDER = 0.99, 100.0
-"""Share of the window from which a load factor counts as stopped by it, and by how much it is then
-widened if not any multiple is carried."""
 
 _MIXED = (1.0, 0.7548776662466927, 0.5698402909980532)
 """Shares in which loads stand together for all where symmetry is asked for: 1, 1 / p and 1 / p^2 of
@@ -156,7 +150,7 @@ class Structure:
         reach, problem = self._problem(dead)
         reach.weights.value, reach.window.value = direction, window
         ladder = self.run.ladder or problem.ladder(self.tolerance)
-        for settings in ladder[:_MOST_SOLVERS]:
+        for settings in ladder[:SOLVERS_ASIDE]:
             state = self.run.solve(problem.run, settings)
             self.run.note(replace(state, load_factor=None), settings)
             given = self.certifier.given(state)
@@ -189,11 +183,11 @@ class Structure:
                 break
         if not found:
             return list(islice(self.raw(direction, BOUNDLESS, None), 1))
-        if np.abs(found[0].factors).max() < _AT_WINDOW * window:
+        if np.abs(found[0].factors).max() < (1.0 - SMALL) * window:
             return found
         rays = list(islice(self.raw(direction, 1.0, 0.0), 1))
         if window < BOUNDLESS and not any(raw.factors @ direction > FLAT for raw in rays):
-            return [*rays, *self.answers(direction, window * _WIDER)]
+            return [*rays, *self.answers(direction, BOUNDLESS)]
         return [*rays, *found]
 
     def _is_tight(self, raw: Raw) -> bool:
@@ -230,8 +224,9 @@ class Structure:
             return None
         if solution.forces.shape != (len(run.contacts), 6):
             return None
-        own, rates = as_solved(solution, run)
-        given = forces = np.array(own)
+        by = evidence_of(solution, run)
+        given = forces = np.array(by.forces)
+        rates = by.rates
         is_lost = rates is None and solution.mechanism is not None
         rates = s.rates if solution.mechanism is None else rates
         if is_lost or (rates is not None and len(rates) != len(run.given.free)):
@@ -255,7 +250,7 @@ class Structure:
         """Returns whether a state strictly inside is known that carries the dead load alone. Where
         none is, the first call lets solvers seek one, and the certifier keeps what they find."""
         if self._has_reference is None:
-            is_known = self.certifier.witnesses.easy_dead_state is not None
+            is_known = self.certifier.references.easy_dead_state is not None
             self._has_reference = is_known or (bool(self.dead.any()) and self._find_reference())
         return self._has_reference
 
@@ -339,7 +334,7 @@ class Structure:
         step = raw.factors - self.centre
         if not np.abs(self.forces @ step).max() > 0.0:
             return None, False
-        is_needed = self.certifier.witnesses.dead_state is None  # for the size of rates
+        is_needed = self.certifier.references.dead_state is None  # for the size of rates
         found = self._towards(step).certificate(
             raw.given, 1.0, raw.mechanism if is_needed else None
         )
@@ -367,7 +362,7 @@ class Structure:
         certifier = self.certifier
         if raw.mechanism is None or not np.isfinite(raw.mechanism).all():
             return none
-        if not self._field_was_sought and certifier.witnesses.opening_field is None:
+        if not self._field_was_sought and certifier.references.opening_field is None:
             self._seek_field()
         opened = certifier.opened(raw.mechanism)
         motion, speed = opened.rates.ravel(), np.abs(opened.rates).ravel()
