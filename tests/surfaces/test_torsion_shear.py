@@ -32,7 +32,7 @@ from cvxlimit.surfaces import (
 )
 from cvxlimit.surfaces.exact_torsion import Edges, limit_states, parabola_arm
 from exhaustive import slow
-from helpers import assert_certified, contact_of, regular, rotations
+from helpers import Ellipse, assert_certified, contact_of, regular, rotations
 
 FloatArray = NDArray[np.float64]
 
@@ -297,7 +297,8 @@ class TestExact:
     [
         ([Rocking(), TorsionShear()], "linear"),
         ([Rocking(), Sliding(), Torsion()], ""),
-        ([Rocking(), ParabolicTorsionShear()], ""),
+        ([Rocking(), ParabolicTorsionShear()], "parabolic"),
+        ([Rocking(), Ellipse()], ""),
     ],
 )
 def test_what_a_solution_says_of_torsion_and_shear_is_what_its_surfaces_state(

@@ -361,7 +361,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
     """The run's best answer as a solution."""
     best, status = _claimed(run, status)
     # which question that answers: surface, flow rule, interaction, one of which the method names
-    question: dict[str, Any] = {"interaction": "none", **words_of(run.surface)}
+    question: dict[str, Any] = {"interaction": "none", **words_of(run.surfaces, run.surface)}
     if method.axis:
         question[method.axis] = method.name
     is_unproved = status.has_answer and not (status.is_good or best.bracket.has_any)

@@ -74,7 +74,7 @@ from cvxlimit.solution.bracket import (
 )
 from cvxlimit.solution.kinematics import Dilatancy, sliding_joints
 from cvxlimit.surfaces import Rocking
-from cvxlimit.surfaces.coulomb import PARABOLIC, needed_surfaces, surfaces_named, words_of
+from cvxlimit.surfaces.coulomb import PARABOLIC, needed_surfaces, surfaces_named
 
 EVIDENCE = {"forces", "mechanism", "internal", "reference", "lower_end", "beside"}
 """What proves claims. Any that proves them will do."""
@@ -86,12 +86,11 @@ RESTS_ON = {
 }
 """The evidence that is needed where no load factor exists."""
 
-_OF_THE_SCENE = "contact_names", "units", "lumped"
+_OF_THE_SCENE = "contact_names", "units", "lumped", "torsion_shear"
 """What files of earlier versions lack."""
 
 _FOUND = {
-    "surface", "interaction", "torsion_shear", "flow", "moments", "blocks", "contacts",
-    *_OF_THE_SCENE,
+    "surface", "interaction", "flow", "moments", "blocks", "contacts", *_OF_THE_SCENE,
 }  # fmt: skip
 """What follows from the scene and from the method; ``moments`` with interaction only."""
 
@@ -176,7 +175,8 @@ def _pushed(said: Solution, scene: Scene) -> tuple[Assemblage, Solution] | None:
 
 def surface_meant(said: Any, given: Any, torsion_shear: str = "linear", own: Any = ()) -> Any:
     """The surfaces given, or else those that a solution or a domain names, or else its ``own``."""
-    name = PARABOLIC if torsion_shear == PARABOLIC else said.surface
+    is_parabolic = torsion_shear == PARABOLIC and said.surface == "conic"
+    name = PARABOLIC if is_parabolic else said.surface
     named = surfaces_named(name)
     found = named if named is None or name.endswith(")") else name
     meant = found or own if given is None else given
@@ -203,13 +203,14 @@ def method_of(said: Solution) -> str:
 
 
 def asked_checks(
-    said: Solution, surface: str = "", method: str = "", **asked: Any
+    said: Solution, surface: Mapping[str, str], method: str = "", **asked: Any
 ) -> Iterator[Check]:
-    """That a solution is of what was asked: its surface and method by name, and other fields."""
+    """That a solution is of what was asked: the words of its surface, its method by name, and other
+    fields."""
     if method:
         own, usual = TABLE[method], {"interaction": "none", "flow": "associated"}
         asked = usual | ({own.axis: own.name} if own.axis else {}) | asked
-    asked = (words_of(surface) if surface else {}) | asked
+    asked = {**surface} | asked
     return compared(asked, {name: getattr(said, name) for name in asked})
 
 

@@ -68,8 +68,8 @@ class Solution:
     versions : mapping of distribution to version
         cvxlimit, CVXPY and every solver that ran.
     torsion_shear : str
-        ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``; empty where surfaces by another
-        name say it, or none does.
+        ``"linear"`` (the paper's), ``"parabolic"`` or ``"exact"``: what the first surface says that
+        limits both together; empty where none says any.
     flow : str
         ``"associated"`` or ``"zero-dilatancy"``.
     members : tuple of Member
@@ -178,7 +178,8 @@ class Solution:
     def surface_name(self) -> str:
         """The surface as it is called where it is chosen, ``"parabolic"`` among them, and
         ``"exact"`` for the exact limit of torsion and shear."""
-        return self.surface if self.torsion_shear in ("linear", "") else self.torsion_shear
+        is_named = self.surface == "conic" and self.torsion_shear not in ("linear", "")
+        return self.torsion_shear if is_named else self.surface
 
     @property
     def advice(self) -> str:

@@ -149,12 +149,16 @@ class YieldSurface(ABC):
         Field's term for the surface.
     implies : frozenset of str
         Names of surfaces that hold wherever this one does; their rows are not written.
+    torsion_shear : str
+        How results call its limit of torsion and shear together, ``"linear"`` for example; empty,
+        as a rule, for a surface that states none, or one under a name of its own.
     cone : Cone
         How norms of two components are bounded: :class:`Conic` or :class:`Facets`.
     """
 
     name: ClassVar[str]
     implies: ClassVar[frozenset[str]] = frozenset()
+    torsion_shear: ClassVar[str] = ""
     cone: Cone = Conic()
 
     def __init__(self, cone: Cone | None = None) -> None:

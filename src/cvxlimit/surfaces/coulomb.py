@@ -86,6 +86,7 @@ class TorsionShear(YieldSurface):
 
     name = "torsion-shear"
     implies = frozenset({"sliding", "torsion"})
+    torsion_shear = "linear"
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
         norms = [Norm({"MT": 1 / contacts.torsion_arm}), Norm({"V1": 1}, {"V2": 1})]
@@ -110,6 +111,7 @@ class ParabolicTorsionShear(YieldSurface):
 
     name = "parabolic torsion-shear"
     implies = frozenset({"sliding", "torsion"})
+    torsion_shear = "parabolic"
 
     def __init__(self) -> None:
         super().__init__(Parabola())
@@ -259,15 +261,11 @@ def surfaces_named(name: str, torsion_shear: str = "linear") -> tuple[YieldSurfa
     return tuple(surfaces)
 
 
-def words_of(name: str) -> dict[str, str]:
-    """Returns the words by which results describe the surfaces of a name."""
-    if name == PARABOLIC:
-        return {"surface": "conic", "torsion_shear": PARABOLIC}
-    if name.endswith(")"):
-        is_linear = f"+{TorsionShear.name}(" in f"+{name}"
-    else:
-        is_linear = _is_cone(name) or name not in SURFACES
-    return {"surface": name, "torsion_shear": "linear" if is_linear else ""}
+def words_of(surfaces: Sequence[YieldSurface], name: str) -> dict[str, str]:
+    """Returns the words by which results describe surfaces of a name: that, and what they say of
+    torsion and shear."""
+    said = next((s.torsion_shear for s in surfaces if s.torsion_shear), "")
+    return {"surface": "conic" if name == PARABOLIC else name, "torsion_shear": said}
 
 
 def _is_cone(name: str) -> bool:

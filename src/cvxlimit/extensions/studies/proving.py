@@ -31,7 +31,7 @@ from cvxlimit.proof.checks import Check, compared, unseen
 from cvxlimit.proving.prove import BOTH_CASES, Proof, Scenes, scene_of
 from cvxlimit.proving.solutions import asked_checks, solution_checks
 from cvxlimit.scene import Scene
-from cvxlimit.surfaces.coulomb import surfaces_of
+from cvxlimit.surfaces.coulomb import surfaces_of, words_of
 
 _NAMED = {"surface", "method", "moments", "tolerance"}
 """Options that results name."""
@@ -125,11 +125,10 @@ def _row(
         # what was asked, as far as results name it
         asked = {name: options[name] for name in options.keys() & _NAMED}
         yield from map(unseen, options.keys() - _NAMED)
-        if "surface" in asked:
-            asked["surface"] = surfaces_of(asked["surface"])[1]
+        surface = words_of(*surfaces_of(asked.pop("surface"))) if "surface" in asked else {}
         if solution.interaction == "none":
             asked.pop("moments", None)
-        yield from asked_checks(solution, **asked)
+        yield from asked_checks(solution, surface, **asked)
         yield from solution_checks(solution, scene, **own)
         yield from map(unseen, {*row} - {KEY, IDENTITY, *varied, *results})
     except CvxlimitError as error:

@@ -36,6 +36,7 @@ from cvxlimit.proving.solutions import (
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import combined
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status
+from cvxlimit.surfaces.coulomb import words_of
 
 _CLAIMED = {
     "surface", "method", "loads", "supports", "status", "tolerance", "scene_digest", "scene_name"
@@ -186,7 +187,8 @@ class DomainAgain:
             asked["tolerance"] = self.structure.tolerance
         if held.scene_digest:
             asked["scene_digest"] = scene_digest(scene)
-        return asked_checks(held, self.domain.surface, self.domain.method, **asked)
+        words = words_of(self.structure.run.surfaces, self.domain.surface)
+        return asked_checks(held, words, self.domain.method, **asked)
 
     def _compared(self, s: Support, made: Support) -> Iterator[Check]:
         """The point, the ray and the half-space of a support against those made anew."""
