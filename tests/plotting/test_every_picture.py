@@ -141,6 +141,7 @@ def arch() -> Solution:
 
 
 @pytest.mark.parametrize("name", ["union_all", "difference", "intersection"])
+@pytest.mark.exhaustive_cases("difference")
 def test_a_picture_is_drawn_where_overlays_fail(
     name: str, arch: Solution, monkeypatch: pytest.MonkeyPatch
 ) -> None:

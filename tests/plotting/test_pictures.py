@@ -394,6 +394,7 @@ class TestSheet:
     @pytest.mark.exhaustive_cases("None-mechanism", "figsize0-utilisation")
     @pytest.mark.parametrize("kind", ["mechanism", "forces", "utilisation"])
     @pytest.mark.parametrize("figsize", [(3.4, 2.9), None])
+    @pytest.mark.exhaustive_cases("figsize0-mechanism", "None-utilisation")
     def test_words_stay_on_the_paper(self, tuff: Solution, kind: str, figsize) -> None:
         assert_legible(tuff.plot(kind, figsize=figsize))
 
@@ -435,6 +436,7 @@ class TestSheet:
             arch.plot("thrust", figsize=(3, -1))
 
     @pytest.mark.parametrize("kind", ["mechanism", "forces", "utilisation"])
+    @pytest.mark.exhaustive_cases("mechanism", "utilisation")
     def test_files_of_vectors_hold_no_image(self, arch: Solution, kind: str, tmp_path) -> None:
         """Matplotlib's own colour bar is the only image: a strip of 256 colours."""
         pdf = arch.plot(kind, tmp_path / "arch.pdf").read_bytes()

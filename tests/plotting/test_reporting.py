@@ -216,6 +216,7 @@ def test_from_rest_has_assumptions_of_its_own(dam: Solution) -> None:
     assert "no single answer" not in words
 
 
+@pytest.mark.exhaustive
 def test_from_rest_has_pictures_of_its_curve_and_of_draws() -> None:
     scene = tower()
     for method, number in (

@@ -79,6 +79,7 @@ def assert_every_leaf_counts(case: str) -> None:
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.exhaustive_cases("interaction")
 def test_every_leaf_counts(case: str) -> None:
     assert_every_leaf_counts(case)
 

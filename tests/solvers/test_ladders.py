@@ -319,6 +319,9 @@ WITH_DILATANCY = ("wedged", "wall pressed down")
 class TestLiveLoadHarmless:
     @pytest.mark.parametrize("surface", ["conic", "octagon"])
     @pytest.mark.parametrize("name", HARMLESS)
+    @pytest.mark.exhaustive_cases(
+        "wall pressed down-octagon", "wall pressed down-conic", "wedged-octagon", "wedged-conic"
+    )
     def test_proof(self, name: str, surface: str) -> None:
         scene = HARMLESS[name]()
         is_known = name not in WITH_DILATANCY

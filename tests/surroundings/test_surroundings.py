@@ -365,6 +365,7 @@ def test_fill_on_every_built_in_scene(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", mostly_slow(BUILTIN, FAST))
+@pytest.mark.exhaustive_cases("house-corner", "facade")
 def test_water_on_every_built_in_scene(name: str) -> None:
     built = builtin_scene(name)
     level = max(b.vertices[:, 2].max() for b in built.blocks) + 0.5

@@ -83,7 +83,9 @@ class TestFrictionFromNothingToGlue:
         assert solution.gap <= (1e-5 if friction <= 1e6 else 1e-3)
         assert (solution.status is Status.CERTIFIED) == (solution.gap <= 1e-5)
 
-    @pytest.mark.exhaustive_cases("certified-0.0001", "convex-100000.0")
+    @pytest.mark.exhaustive_cases(
+        "certified-0.0001", "convex-0.0001", "convex-0.01", "convex-100000.0"
+    )
     @pytest.mark.parametrize("friction", [1e-4, 1e-2, 1e5, 1e6])
     @pytest.mark.parametrize("method", ["convex", "certified"])
     def test_a_wall_between_walls(self, friction: float, method: str) -> None:

@@ -52,6 +52,7 @@ def plates_across_each_other(count: int) -> list[Block]:
     ],
     ids=["in-one-place", "without-placements", "plates"],
 )
+@pytest.mark.exhaustive_cases("plates", "without-placements")
 def test_blocks_in_each_other_are_named_before_all_pairs_are_looked_at(
     blocks: Sequence[Block], fault: str
 ) -> None:

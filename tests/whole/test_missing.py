@@ -86,7 +86,7 @@ def test_plain_answers_are_the_same_without_any_extension(
         "solve single-block --solver BLOCKWISE",
         "solve single-block --no-dilatancy --report {folder}/a.html",
         "shake single-block --acceleration 0.5 --duration 1",
-        "compare single-block --models cvxlimit,zero-dilatancy,certified/paper --repeat 1",
+        "compare single-block --models cvxlimit,zero-dilatancy --repeat 1",
         "export single-block --format mjcf --output {folder}/a.mjcf",
         "import {folder}/a.obj --output {folder}/a.json",
         "solve {folder}/a.obj",

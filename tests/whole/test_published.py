@@ -37,6 +37,7 @@ PUBLISHED = {
 
 @pytest.mark.exhaustive_cases("s10-panel-octagon")
 @pytest.mark.parametrize(("name", "surface"), PUBLISHED)
+@pytest.mark.exhaustive_cases("s10-class-conic", "s10-class-octagon", "s10-panel-conic")
 def test_published_scenes(name: str, surface: str) -> None:
     """Counts, factor to 1e-5, both bounds proved and within 1e-5 of each other."""
     blocks, contacts, factor = PUBLISHED[name, surface]

@@ -70,7 +70,8 @@ def test_a_proved_bound_beneath_an_unproved_one_comes_back() -> None:
         run.best = answer
         prove(run, end=0.0)
         assert run.best.bracket.lower_is_proved
-        assert run.best.bracket.lower == pytest.approx(at, rel=1e-12)
+        # A hundredth of what the unproved one is higher; proving may end a rounding above.
+        assert run.best.bracket.lower == pytest.approx(at, rel=1e-9)
         excess = interaction_excess(run.best.forces, scene.contacts, "signed").max()
         assert excess <= 1e-15 * scene.total_weight
 
