@@ -40,7 +40,7 @@ class CompareCommand(Command):
     Effort
     ------
     repeat : N
-        Runs per model, of which medians are shown; 3 unless given.
+        Runs per model, of which that of the median time is shown; 3 unless given.
     """
 
     scene: str

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields, replace
 from html import escape
-from statistics import median
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from cvxlimit.base.checks import count
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
 
 Runner: TypeAlias = "Callable[[Model, Scene], Row]"
 """How one run is made; elsewhere, for those who want it isolated."""
-
-PHASES = ("detect", "compile", "solve", "certify", "total")
 
 SIDES = ("", "-inscribed")
 DEFAULT_MODELS = (
@@ -140,9 +137,10 @@ def compare(
 ) -> Comparison:
     """Time and true error of several models on one scene.
 
-    Models take turns in this process, and figures are medians. Errors are
-    relative to a reference proved to 1e-9 where that can be had (``found.table()`` says),
-    never to a model's own claim; with interaction to the certified bracket.
+    Models take turns in this process, and of several runs the one of the median time counts.
+    Errors are relative to a reference proved to 1e-9 where that can be had
+    (``found.table()`` says), never to a model's own claim; with interaction to the
+    certified bracket.
 
     Parameters
     ----------
@@ -266,22 +264,16 @@ def run_here(model: Model, scene: Scene) -> Row:
 
 
 def row_of(model: Model, scene: Scene, runs: Sequence[Row], truth: Row) -> Row:
-    """Medians of the runs, or the failure with its reason, beside the reference's run."""
+    """The run of the median time, or the failure with its reason, beside the reference's run."""
     done = sorted((run for run in runs if not run.failed), key=lambda run: run.total or 0.0)
-    row = next((run for run in runs if run.failed), None) or replace(
-        done[len(done) // 2], **{name: _median(done, name) for name in (*PHASES, "memory")}
-    )
+    failed = next((run for run in runs if run.failed), None)
     row = replace(
-        row, scene=scene.name, contacts=len(scene.contacts), method=model.name, line=model.line,
-        runs=len(done), reference_lower=truth.lower, reference_upper=truth.upper,
-        reference=f"no reference: {truth.reason}" if truth.failed else truth.status, **model.axes(),
+        failed or done[len(done) // 2], scene=scene.name, contacts=len(scene.contacts),
+        method=model.name, line=model.line, runs=len(done), **model.axes(),
+        reference_lower=truth.lower, reference_upper=truth.upper,
+        reference=f"no reference: {truth.reason}" if truth.failed else truth.status,
     )  # fmt: skip
     return replace(row, error=row.truth.error(row.load_factor))
-
-
-def _median(rows: Sequence[Row], name: str) -> Any:
-    figures = [getattr(row, name) for row in rows if getattr(row, name) is not None]
-    return median(figures) if figures else None
 
 
 def _reference_note(row: Row) -> str:

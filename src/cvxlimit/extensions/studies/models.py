@@ -16,7 +16,6 @@ from cvxlimit.methods.solving import TABLE, chosen, solve
 from cvxlimit.readings.named import MOMENTS, parse_moments
 from cvxlimit.reductions.choice import MODELS
 from cvxlimit.scene import Scene
-from cvxlimit.solution import Solution
 from cvxlimit.solution.bracket import Bracket, known
 from cvxlimit.solvers import settings_for
 from cvxlimit.solvers.table import SOLVERS, able
@@ -29,7 +28,8 @@ OWN = "cvxlimit"
 
 @dataclass(frozen=True)
 class Row:
-    """One model on one scene: one run, or medians over several; None where there is no figure.
+    """One run of a model on a scene, of several that of the median time; None where there is no
+    figure.
 
     ``error`` is relative to the reference, so that what a linearisation loses counts; ``moments``
     is the reading of Eq. 30, empty without interaction. ``total`` is seconds from the scene to the
@@ -61,14 +61,6 @@ class Row:
     certify: float | None = None
     total: float | None = None
     memory: float | None = None
-
-    @classmethod
-    def of(cls, solution: Solution, started: float) -> Row:
-        """Returns the row of one run that began at ``started``, by :func:`time.perf_counter`."""
-        bounds: dict[str, Any] = {x: known(getattr(solution, x)) for x in ("lower", "upper")}
-        spent: dict[str, Any] = dict(solution.seconds) | {"total": time.perf_counter() - started}
-        status = str(solution.status)
-        return cls(status=status, load_factor=solution.load_factor, **bounds, **spent)
 
     @property
     def failed(self) -> bool:
@@ -157,7 +149,10 @@ class Model:
     def measure(self, scene: Scene) -> Row:
         """Returns the row of one run; ``scene`` has not looked for contacts yet."""
         started = time.perf_counter()
-        return Row.of(solve(scene, **self.options), started)
+        found = solve(scene, **self.options)
+        measured: dict[str, Any] = {x: known(getattr(found, x)) for x in ("lower", "upper")}
+        measured |= {**found.seconds, "total": time.perf_counter() - started}
+        return Row(status=str(found.status), load_factor=found.load_factor, **measured)
 
 
 def _option(part: str) -> tuple[str, Any]:
