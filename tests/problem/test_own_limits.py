@@ -10,8 +10,9 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Load, PointForce, Scene, Status, Tie, builtin_scene, solve
+from cvxlimit import Block, Load, PointForce, Scene, Status, Tie, builtin_scene, prove, solve
 from cvxlimit.errors import ModelError
+from cvxlimit.io import write_result
 from cvxlimit.masonry import random_wall, single_block, stack
 from cvxlimit.problem.own_limits import OwnCertifier, OwnState
 from cvxlimit.problem.problem import LimitProblem
@@ -479,3 +480,16 @@ def test_equations_between_forces_have_bounds() -> None:
     assert found.status is Status.CERTIFIED
     assert found.upper < free.lower
     assert problem.N.value[0] == pytest.approx(problem.N.value[20], rel=1e-7)
+
+
+def test_files_keep_no_limits_and_the_answer_says_so(tmp_path) -> None:
+    """The limit halves the load factor: the scene alone bears out no such upper bound."""
+    scene = single_block()
+    free, problem = solve(scene).load_factor, LimitProblem(scene)
+    problem.add("less shear", cp.abs(cp.sum(problem.V1)) <= 0.5 * free * scene.total_weight)
+    found = problem.solve()
+    assert found.status == "certified"
+    assert found.load_factor == pytest.approx(0.5 * free, rel=1e-5)  # by equilibrium
+    assert "result files keep no limits" in found.note
+    write_result(found, tmp_path / "result.json")
+    assert not prove(tmp_path / "result.json", scene).is_proved
