@@ -12,7 +12,7 @@ import pytest
 from cvxlimit import Load, Status, builtin_scene, solve
 from cvxlimit.cli.main import run as run_cli
 from cvxlimit.geometry.polygons import torsion_arm
-from cvxlimit.masonry import arch
+from cvxlimit.masonry import arch, running_bond, wall
 from helpers import assert_certified, named_scene
 
 PUBLISHED = {
@@ -147,6 +147,21 @@ def test_rows_of_the_paper_beside_ours(row: tuple[str, ...], tmp_path: Path) -> 
     if told := re.match(r" 0\.\d+", published):
         tolerance = 0.015 if "panel" in what else 1e-5
         assert found["load_factor"] == pytest.approx(float(told[0]), rel=tolerance)
+
+
+@pytest.mark.parametrize("surface", ["octagon", "conic"])
+def test_bricks_of_table_6_in_a_bond_of_as_many_contacts(surface: str) -> None:
+    """A running bond of Orduña & Lourenço's bricks with the paper's 111 contacts, beside a rigid
+    support with friction, under 1 kN on each brick: the brackets on the page."""
+    brick = {"unit": (0.21, 0.081, 0.07), "friction": 0.7, "density": 20.0}
+    assert len(wall(running_bond(4, 10), **brick).contacts) == 111
+    held = wall(running_bond(4, 10), **brick, side_supports=["start"])
+    forces = {held.blocks[i].id: (0, 1, 0, 0, 0, 0) for i in held.free}
+    found = solve(held.with_live(Load(forces=forces)), surface)
+    rows = re.findall(r"\[([\d.]+), ([\d.]+)\] \| `pytest [^`]*-k bricks`", PAGE)
+    low, high = rows[["octagon", "conic"].index(surface)]
+    assert_certified(found)
+    assert float(low) < found.lower <= found.upper < float(high)
 
 
 def test_all_of_the_papers_tables_with_numbers_are_on_the_page() -> None:
