@@ -25,7 +25,7 @@ README, CONTRIBUTING, ADDITIONS, SYMBOLS, CHANGELOG = (
     )
 )
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-SEAMS = ("cone", "scene", "file format", "solver", "formulation", "outer loop")
+SEAMS = ("cone", "file format", "solver", "formulation", "outer loop")
 ANOTHER = ROOT / "tests" / "kit" / "another"
 
 

@@ -52,7 +52,7 @@ CODE += [pytest.param(snippets(page), id=page.stem) for page in TUTORIALS]
 
 
 @pytest.mark.exhaustive_cases(
-    "additions-4", "additions-5", "after-collapse-0", "after-collapse-2", "after-collapse-4",
+    "additions-3", "additions-4", "after-collapse-0", "after-collapse-2", "after-collapse-4",
     "after-collapse-5", "bridges-0", "choosing-0", "closing-0", "dilatancy-0", "first-steps-1",
     "from-rest-0", "from-rest-1",
     "geometry-1", "in-time-0", "in-time-1", "interaction-0", "pictures-0", "recipes-1", "recipes-5",
