@@ -287,6 +287,10 @@ def test_a_tied_front_whose_iterates_do_not_settle_is_followed_to_its_end() -> N
     assert path.status == "zero"
     assert path.followed
     assert prove(path).is_proved
+    near = 1e-7 * path.load_factor[0]
+    rows = [c for run in (path, path.other_flow) if run for c in run if c.bracket]
+    assert any(c.is_followed for c in rows)
+    assert all(c.load_factor <= c.bracket.upper + near for c in rows)
 
 
 def stones(friction: float, push: tuple[float, ...], *boxes: tuple[float, ...]) -> Scene:

@@ -119,11 +119,10 @@ def test_files_of_what_is_followed_are_proved_again(path: Path, tmp_path: Any) -
 @pytest.mark.parametrize(
     ("change", "claim"),
     [
-        ({"residual": 0.0}, "equilibrium"),
         ({"residual": 0.01}, "equilibrium"),
         ({"load_factor": 0.3}, "equilibrium"),
         ({"loss": 0.0}, "loss"),
-        ({"is_followed": False}, "equilibrium"),
+        ({"is_followed": False}, "loss"),
     ],
 )
 def test_forces_that_lack_more_than_is_told_are_not_proved(path: Path, change, claim) -> None:

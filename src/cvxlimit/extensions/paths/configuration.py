@@ -156,7 +156,7 @@ class Configuration:
         The widest gap, less friction times slip, among points that count as closed.
     residual : float
         How far the last iterate would still move a point, over the typical contact size; of one
-        that is followed what equilibrium lacks, over the dead load.
+        that is followed what equilibrium lacks at most, over the dead load.
     iterates : int
         Iterates that found it.
     loss : float
