@@ -21,7 +21,7 @@ USER = sorted(
 REFERENCE = ("symbols", "conventions")
 """Pages whose tables are the reference itself."""
 
-MOST_WORDS, MOST_IN_README, MOST_IN_ALL, MOST_ROWS = 1800, 850, 41_000, 6
+MOST_WORDS, MOST_IN_README, MOST_IN_ALL, MOST_ROWS = 1600, 850, 40_000, 6
 
 
 def prose(page: Path) -> str:
@@ -37,7 +37,7 @@ def test_pages_are_short(page: Path) -> None:
 
 
 def test_the_readme_and_all_pages_together_are_short() -> None:
-    pages = [*DOCS.glob("*.md"), *(DOCS / "evidence").glob("*.md")]
+    pages = [page for page in DOCS.rglob("*.md") if "_made" not in page.parts]
     assert len((ROOT / "README.md").read_text("utf-8").split()) <= MOST_IN_README
     assert sum(len(page.read_text("utf-8").split()) for page in pages) <= MOST_IN_ALL
 
