@@ -146,11 +146,11 @@ def test_the_dome_is_followed_to_zero_by_both_rules() -> None:
 
 
 @pytest.mark.exhaustive
-def test_the_house_corner_is_followed_to_zero_without_dilatancy() -> None:
+def test_the_house_corner_comes_to_zero_without_dilatancy() -> None:
+    """It begins where the way from rest ends, and comes to rest wherever it is pushed to."""
     path = pushover(
         builtin_scene("house-corner"), flow="zero-dilatancy", halvings=0, certify="none"
     )
     assert path.status == "zero"
-    assert max(shown.residual for shown in path if shown.is_followed) <= 1e-4
-    assert path.other_flow is not None
-    assert path.other_flow.status == "zero"
+    assert path.load_factor[0] < 0.165  # 0.184 in the state that the associated one leads to
+    assert not path.followed

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cvxlimit import Block, Load, Path, Scene, pushover
+from cvxlimit import Block, Incremental, Load, Path, Scene, builtin_scene, pushover, solve
+from cvxlimit.base import doors
 from cvxlimit.extensions.paths.configuration import Configuration
+from cvxlimit.extensions.paths.starting import from_rest
 from displaced import assert_balanced_within_friction
+from exhaustive import slow
 
 TURNED = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
 
@@ -139,3 +142,32 @@ def test_random_towers_slide_by_the_laws(seeds: range) -> None:
         for before, shown in pairwise(path):
             work = path.load_factor[0] * (shown.w - before.w) * weight
             assert lost(shown) <= shown.loss * work + 1e-8 * weight
+
+
+@pytest.mark.parametrize(
+    ("name", "first"), [slow("tuff-wall", 1.0 / 6.0), ("ferris-tin-loi-3", 0.355817)]
+)
+def test_a_path_begins_where_the_way_from_rest_ends(name: str, first: float) -> None:
+    """The tuff wall overturns as one, and the lowest state of the wall of Ferris and Tin-Loi is
+    known; both come down from there, and nothing is lost: joints that slide without opening may
+    do so in other states, at higher load factors."""
+    scene = builtin_scene(name)
+    path = slid(scene, scene.contacts.typical_size / 100.0, most=1)
+    assert path.load_factor[0] == pytest.approx(first, abs=1e-6)
+    reached = solve(scene, method=Incremental(spread=False))
+    assert path.load_factor[0] == pytest.approx(reached.steps[-1].load_factor, rel=1e-6)
+    assert (np.diff(path.load_factor) < 0.0).all()
+    assert max(x.loss for x in path) < 1e-6  # a thousandth of what counts as none
+    for shown in path:
+        assert_balanced_within_friction(shown)
+
+
+def test_a_path_begins_somewhere_where_nobody_goes_the_way_from_rest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delitem(doors._PLACES["cvxlimit.methods"], "incremental")
+    scene = builtin_scene("ferris-tin-loi-3")
+    from_rest.cache_clear()
+    path = slid(scene, 0.01, most=0)
+    from_rest.cache_clear()
+    assert 0.355817 - 1e-6 <= path.load_factor[0] <= 0.403695

@@ -66,6 +66,11 @@ solvers measure it by objectives of 1e-6 at least. A point that should carry not
 over its gap at most, which is what keeps the load factor of a hinge from being exact."""
 
 
+SLACK = 1e-3
+"""Share of its push by which a mechanism goes on where forces are to carry all of a load factor: a
+thousandth of the live load's work then weighs against what they lose, which is 1e-9 of it."""
+
+
 def shear_scale(friction: FloatArray, cohesion: FloatArray) -> FloatArray:
     """Returns what one unit of v is (k,): friction, and 1 where cohesion acts without it."""
     return np.where((friction == 0.0) & (cohesion > 0.0), 1.0, friction)
@@ -354,9 +359,10 @@ class Increment:
             return self._run(self.problem(), FINE)
         return self._run(self.problem(self._given(push, self.points.gap)), self._fine, near)
 
-    def priced(self, push: float, slides: FloatArray) -> Found | Outcome:
-        """Returns forces without dilatancy, for slips of the sizes ``slides`` (k,)."""
-        gap = self.points.gap + self.points.friction * slides
+    def priced(self, push: float, slides: FloatArray, least: float = 0.0) -> Found | Outcome:
+        """Returns forces without dilatancy, for slips of the sizes ``slides`` (k,), and ``least``
+        (length) by which all gaps are wider besides."""
+        gap = self.points.gap + self.points.friction * slides + least
         return self._run(self.problem(self._given(push, gap)), self._fine)
 
     def held(self, push: float, n: FloatArray) -> Found | Outcome:
@@ -366,24 +372,28 @@ class Increment:
         return self._run(self.problem(goal, np.maximum(n, 0.0)), self._fine)
 
     def rates_without_dilatancy(
-        self, push: float, enough: float, most: int = 20
-    ) -> tuple[Found | Outcome, float]:
+        self, push: float, enough: float, rest: tuple[float, FloatArray] | None = None,
+        most: int = 20,
+    ) -> tuple[Found | Outcome, float]:  # fmt: skip
         """Returns forces and rates at rest without dilatancy, and their loss over the live load's
         work.
 
         The pair of problems is repeated, up to ``most`` times, until the loss is at most
-        ``enough``; the answer with the least loss counts.
+        ``enough``; the answer with the least loss counts. It begins with the load factor and the
+        rates (free blocks, 6) of ``rest`` where these are known.
         """
         best: tuple[Found | Outcome, float] = Outcome("no answer", 0.0, 0.0), np.inf
         slides = np.full(len(self.points), push)
+        given = None if rest is None else self._carrying(push, *rest)
         for _ in range(most):
             # Forces for the slips so far, then displacements with friction of these forces.
-            answer = moved = self.priced(push, slides)
+            answer = moved = given if isinstance(given, Found) else self.priced(push, slides)
+            given = None
             if isinstance(answer, Found):
                 moved = self.held(push, answer.forces[:, 0])
             if not isinstance(answer, Found) or not isinstance(moved, Found):
                 return (moved, np.inf) if best[1] == np.inf else best
-            moves = self.assemblage.statics.relative_rates(moved.d)[:, :3]
+            moves = self._moves(moved.d)
             slides = np.linalg.norm(moves[:, :2], axis=1)
             lost = replace(self.points, gap=moves[:, 2], slip=moves[:, :2]).lost(answer.forces)
             loss = lost / max(abs(answer.load_factor * push), 1e-300)
@@ -392,6 +402,24 @@ class Increment:
             if loss <= enough:
                 break
         return best
+
+    def _moves(self, d: FloatArray) -> FloatArray:
+        return self.assemblage.statics.relative_rates(d)[:, :3]
+
+    def _carrying(self, push: float, alpha: float, rates: FloatArray) -> Found | Outcome:
+        """Returns forces that carry a load factor, and lose as little as they can on rates."""
+        moves = self._moves(rates * (push / float(self.assemblage.statics.live @ rates.ravel())))
+        slides = np.linalg.norm(moves[:, :2], axis=1)
+        gap = moves[:, 2] + self.points.friction * slides
+        # its own push makes any load factor as good as another: with a little more the most counts
+        goal = self.goal((1.0 + SLACK) * push, gap, (moves[:, 0], moves[:, 1]))
+        most = alpha / self.assemblage.scaling.load_factor(1.0)
+
+        def capped(found: Stated) -> Any:
+            found.into.nonneg(-1.0 * (found.factor - most))
+            return goal(found)
+
+        return self._run(self.problem(capped), self._fine)
 
     def in_plane(self, d: FloatArray) -> FloatArray:
         """Returns displacements (free blocks, 6) without what leaves the plane of a planar

@@ -138,7 +138,9 @@ def pushover(
         as the structure stands.
     flow : {"associated", "zero-dilatancy"} or None
         In steps along which joints slide they open by friction times slip, or not at all; None: as
-        the path to go on from, otherwise the first. Where none slides, both are the same.
+        the path to go on from, otherwise the first. Where none slides, both are the same. Of the
+        states that zero dilatancy allows, the path begins with that at the end of the way from rest
+        (:class:`cvxlimit.Incremental`), without cohesion.
     control : (block id, direction) or None
         Whose displacement ``path.displacement`` is; w without one.
     certify : {"all", "last", "none"}
@@ -300,14 +302,14 @@ def _left_out(rest: Rest) -> list[str]:
     """Sentences on what is left out at rest because it is no contact of the scene, and what it is
     worth: slivers, edges and corners."""
     scene, said = rest.scene, list[str]()
-    alone = rest.first()
-    if not isinstance(alone, At):
+    worths = [*rest.left_out()]
+    if not worths or not isinstance(alone := rest.first(), At):
         return said
     misses = sorted(scene.near_misses, key=lambda m: m.size) if len(rest.facets.slivers) else []
     misses = [miss for miss in misses if miss.kind == "sliver"]
     wide = {frozenset((m.a, m.b)): m.sentence(scene.units.length) for m in misses}
     first = alone.shown.load_factor
-    for blocks, factor in rest.left_out():
+    for blocks, factor in worths:
         if not blocks and abs(factor - first) <= TOLERANCE * abs(first):
             continue  # edges and corners that bear nothing
         what = wide.get(frozenset(blocks), f"{'-'.join(blocks)}: narrower than the joint tolerance")

@@ -7,7 +7,9 @@ blocks are at rest, and its multiplier is the load factor.
 
 With dilatancy an iterate is one problem, and a step shorter than d where mechanisms compete.
 Without it an iterate is two: friction for the slips so far, then displacements with friction held;
-what counts is the loss, by how much friction does not oppose the whole slip. Cohesion and ties that
+what counts is the loss, by how much friction does not oppose the whole slip. Several states may
+have none: a path begins where the way from rest ends (:mod:`.starting`), goes on as blocks moved
+before, and presses joints no more than it must. Cohesion and ties that
 come apart on the way do not hold where blocks come to rest, so that rest is sought again without
 them.
 
@@ -37,6 +39,7 @@ from cvxlimit.extensions.paths.increment import Ahead, Found, Increment, Near
 from cvxlimit.extensions.paths.pairs import CLOSED, Pose
 from cvxlimit.extensions.paths.path import SLIDING, Ending
 from cvxlimit.extensions.paths.points import SETTLED, Start
+from cvxlimit.extensions.paths.starting import from_rest
 from cvxlimit.extensions.paths.supports import loads_of
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.reductions.choice import Reductions
@@ -61,6 +64,12 @@ before; still farther off after twelve, mechanisms compete, and half the step ta
 _SLIVERS = 3
 """Joints left out as slivers of which each has its own load factor: one problem each."""
 
+LEAST = 1e-5
+"""Gap over the contact size that joints are given beside their own where forces are sought without
+dilatancy: of all states without a loss it is that with the least compressions, as from rest, where
+nothing has been pressed together. Ten times less is lost in the solvers' tolerance, ten times more
+adds a thousandth to losses."""
+
 FARTHEST, LEFT = 0.05, 0.05**2
 """Largest movement of an explicit step over the contact size, and what its linearisation leaves of
 gaps; what would go farther goes on in several steps."""
@@ -69,13 +78,15 @@ gaps; what would go farther goes on in several steps."""
 @dataclass(frozen=True, eq=False)
 class At:
     """A configuration (``shown``), its pose, the gap that its slips have opened (``loose``,
-    length), whether any joint slid, and the cohesion, ties and reactions from there on."""
+    length), whether any joint slid, the cohesion, ties and reactions from there on, and how blocks
+    have moved, or begin to, for each w (free blocks, 6)."""
 
     pose: Pose
     shown: Configuration
     loose: float
     slides: bool
     bonds: Bonds | None = None
+    pace: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +135,13 @@ class Rest:
         if not isinstance(answer, Found):
             return Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
         shown = self._shown(self.begin.pose, points, answer, 0.0, 0.0, 1, loss)
-        return replace(shown, bonds=self.begin.bonds)
+        pace = None if self.has_dilatancy or self.motions else self._pace(answer.d)
+        return replace(shown, bonds=self.begin.bonds, pace=pace)
+
+    def _pace(self, d: FloatArray) -> FloatArray | None:
+        """Returns a mechanism for each w, if the live load moves on in it."""
+        power = float(self.loads.at(self.begin.pose)[1] @ d.ravel())
+        return d * (self.loads.size / power) if power > 0.0 else None
 
     def first_rates(self) -> FloatArray | None:
         """Returns the mechanism (free blocks, 6) by which blocks begin to move, if one is found."""
@@ -179,7 +196,8 @@ class Rest:
         answer, loss = increment.solve(None), 0.0
         if isinstance(answer, Found) and not self.has_dilatancy:
             push = self.size * self.loads.size / self.loads.pace
-            answer, loss = increment.rates_without_dilatancy(push, SLIDING)
+            rest = None if self.motions else from_rest(self.scene)
+            answer, loss = increment.rates_without_dilatancy(push, SLIDING, rest)
         return increment.points, answer, loss
 
     def settle(self, start: At, w: float) -> At | Failed:
@@ -188,6 +206,9 @@ class Rest:
         without them."""
         while True:
             found = self._settle(start, w)
+            if isinstance(found, At) and not self.has_dilatancy:
+                way = found.pose.since(start.pose, self.scene.free)
+                found = replace(found, pace=way / (found.shown.w - start.shown.w))
             if start.bonds is None or isinstance(found, Failed):
                 return found
             left = start.bonds.holding(found.pose)
@@ -205,7 +226,10 @@ class Rest:
             if isinstance(found, At) and not found.slides:
                 loss = found.shown.points.lost(found.shown.forces) / self._work(start, w)
                 return replace(found, shown=replace(found.shown, loss=loss))
-        return self._without_dilatancy(start, w)
+        found = self._without_dilatancy(start, w)
+        if isinstance(found, Failed) and start.pace is not None:  # after a snap it leads far off
+            found = self._without_dilatancy(replace(start, pace=None), w)
+        return found
 
     @property
     def unit(self) -> float:
@@ -284,14 +308,16 @@ class Rest:
         begin, pose, size = self.start(start), start.pose, np.inf
         moved, best = np.zeros(len(self.scene.free)), None
         work = self._work(start, w)
+        if start.pace is not None:  # on as they came here, or begin to move
+            pose = self.loads.moved(pose, start.pace * (w - start.shown.w))
         for iterate in range(1, _MANY + 1):
             points = begin.points(pose)
             push = self.loads.push(w, start.pose, pose)
             increment = self.increment(points, pose)
             slides = np.linalg.norm(points.slip, axis=1)
-            if iterate == 1:  # as if every point slid as far as the live load goes
+            if iterate == 1 and start.pace is None:  # as if points slid as far as the live load
                 slides = np.full(len(points), push / self.loads.size * self.loads.pace)
-            forces = increment.priced(push, slides)
+            forces = increment.priced(push, slides, LEAST * self.size)
             if not isinstance(forces, Found):
                 return best or self._no_answer(forces, w, moved)
             answer = increment.held(push, forces.forces[:, 0])

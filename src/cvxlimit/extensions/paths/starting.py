@@ -1,15 +1,21 @@
-"""Scenes as paths take them: where they may begin, and pressures that keep their direction."""
+"""Scenes as paths take them: where they may begin, how they do without dilatancy, and pressures
+that keep their direction."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
-from cvxlimit.errors import GeometryError
+from cvxlimit.base.arrays import FloatArray
+from cvxlimit.base.doors import Door
+from cvxlimit.errors import CvxlimitError, GeometryError
 from cvxlimit.geometry.detection import detect
+from cvxlimit.methods.solving import solve
 from cvxlimit.scene.loads import Load, PointForce
 from cvxlimit.scene.scene import Scene
+from cvxlimit.solution import Status
 
 
 def begun(scene: Scene) -> tuple[Scene, GeometryError | None]:
@@ -35,6 +41,23 @@ def begun(scene: Scene) -> tuple[Scene, GeometryError | None]:
         size = float(np.median([scene.blocks[i].size for i in scene.free]))
         contacts.__dict__["typical_size"] = size
     return scene._with_contacts(contacts), loose
+
+
+@lru_cache(maxsize=1)  # of the scene of a path, for all of its runs
+def from_rest(scene: Scene) -> tuple[float, FloatArray] | None:
+    """The load factor and the rates (free blocks, 6) at the end of the way from rest; None where it
+    has no end, for cohesion, which has come apart by then, and without a method that goes it."""
+    way = Door("cvxlimit.methods").get("incremental")
+    if way is None or not len(scene.contacts) or scene.contacts.cohesion.any():
+        return None
+    try:
+        found = solve(scene, method=way(spread=False))
+    except CvxlimitError:
+        return None
+    if found.status is not Status.REACHED or found.mechanism is None or not found.steps:
+        return None
+    rates = np.array([found.mechanism[scene.blocks[i].id] for i in scene.free])
+    return found.steps[-1].load_factor, rates
 
 
 def with_resultants(scene: Scene) -> Scene:
