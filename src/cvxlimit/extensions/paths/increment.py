@@ -38,7 +38,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 from cvxlimit.extensions.paths.bars import Bars
 from cvxlimit.extensions.paths.configuration import Points
 from cvxlimit.extensions.paths.pairs import Pose
@@ -49,6 +49,7 @@ from cvxlimit.model.program import LimitProgram
 from cvxlimit.model.sinks import gathered
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.statics import DOF, Scaling, Statics
+from cvxlimit.proof.checks import RESIDUAL
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Actions, Load
 from cvxlimit.solvers import Outcome, ladder_for
@@ -357,13 +358,13 @@ class Increment:
         is the largest load factor, and d is a rate."""
         if push is None:
             return self._run(self.problem(), FINE)
-        return self._run(self.problem(self._given(push, self.points.gap)), self._fine, near)
+        return self._pushed(push, self.points.gap, near)
 
     def priced(self, push: float, slides: FloatArray, least: float = 0.0) -> Found | Outcome:
         """Returns forces without dilatancy, for slips of the sizes ``slides`` (k,), and ``least``
         (length) by which all gaps are wider besides."""
         gap = self.points.gap + self.points.friction * slides + least
-        return self._run(self.problem(self._given(push, gap)), self._fine)
+        return self._pushed(push, gap)
 
     def held(self, push: float, n: FloatArray) -> Found | Outcome:
         """Returns displacements without dilatancy, with friction limited by compressions ``n``
@@ -431,6 +432,25 @@ class Increment:
         shift, turn = d[:, :3], d[:, 3:]
         out, about = (np.outer(each @ self.across, self.across) for each in (shift, turn))
         return np.concatenate([shift - out, about], axis=1)
+
+    def _pushed(self, push: float, gap: FloatArray, near: Near | None = None) -> Found | Outcome:
+        """Returns the answer for gaps (k,). Blocks that clamp each other may press without bound,
+        so much that equilibrium is lost in rounding: what bears across a gap of rounding does not.
+        """
+        found = self._run(self.problem(self._given(push, gap)), self._fine, near)
+        if isinstance(found, Found) and not self._is_balanced(found):
+            gap = gap + ROUNDING * self.assemblage.scaling.length
+            found = self._run(self.problem(self._given(push, gap)), self._fine)
+        return found
+
+    def _is_balanced(self, found: Found) -> bool:
+        """Whether forces balance the loads as well as a proof of the configuration asks for."""
+        n, *v = (found.forces - np.outer(self.points.least, [1.0, 0.0, 0.0])).T
+        forces = np.zeros((len(n), DOF))
+        forces[:, :3] = np.stack([*v, n], axis=1)
+        left = self.assemblage.statics.residual(forces, found.load_factor)
+        left[:, 3:] /= self.assemblage.scaling.length
+        return float(np.abs(left).max()) <= RESIDUAL * self.assemblage.scaling.force
 
     def _given(self, push: float, gap: FloatArray) -> Callable[[Stated], Any]:
         """Returns the goal of moving by ``push`` with gaps (k,), and the slips of the points."""
