@@ -137,7 +137,7 @@ def chart(found: dict[str, list[Beside]]) -> Figure:
             )  # fmt: skip
             axes.annotate(f"{row.error:+.0f} %", (row.seconds, row.error), (0, above), ha="center",
                           textcoords="offset points", fontsize=LETTERS)  # fmt: skip
-        axes.set(xscale="log", xlim=(0.03, 3e4), xlabel="time, s")
+        axes.set(xscale="log", xlim=(0.015, 3e4), xlabel="time, s")
         axes.set_title(f"{PAPER[name][0].split()[0]}: the test carried {rows[0].test:.3f}",
                        fontsize=LETTERS + 1, loc="left")  # fmt: skip
         axes.tick_params(labelsize=LETTERS)

@@ -19,7 +19,10 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.dynamics.mjcf import mjcf
 from cvxlimit.scene.units import G
 
-SCENES = ("single-block", "stack", "arch", "ferris-tin-loi-1", "ferris-tin-loi-3")
+SCENES = (
+    "single-block", "stack", "arch", "arch-on-piers", "barrel-vault", "tuff-wall",
+    "ferris-tin-loi-1", "ferris-tin-loi-2", "ferris-tin-loi-3", "irregular-wall-1",
+)  # fmt: skip
 
 MOVED = (0.003, 0.03)
 """How far a block has moved over its size where it counts as falling: what contacts give is a tenth

@@ -17,7 +17,9 @@ begun to fall needs a second to be seen, in which the load factor grows by 0.004
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", ["single-block", "stack", "arch"])
+@pytest.mark.parametrize(
+    "name", ["single-block", "stack", "arch", "barrel-vault", "irregular-wall-1"]
+)
 def test_a_table_tilted_slowly_agrees(name: str) -> None:
     scene = scene_of(name)
     reached = solve(scene, method=Incremental(spread=False)).load_factor

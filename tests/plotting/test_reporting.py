@@ -221,8 +221,8 @@ def test_from_rest_has_pictures_of_its_curve_and_of_draws() -> None:
     scene = tower()
     for method, number in (
         ("convex", 2),
-        (Incremental(), 3),
-        (Incremental(bedding=1.0, draws=2), 4),
+        (Incremental(), 4),
+        (Incremental(bedding=1.0, draws=2), 5),
     ):
         assert len(Read(solve(scene, method=method).report()).addresses) == number
 

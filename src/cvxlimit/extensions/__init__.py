@@ -35,7 +35,7 @@ SHIPPED: Mapping[str, Mapping[str, str]] = {
     "incremental": {
         "cvxlimit.checks": "incremental",
         "cvxlimit.methods": "incremental",
-        "cvxlimit.pictures": "bedding curve",
+        "cvxlimit.pictures": "bedding curve onset",
         "cvxlimit.readings": "step_problem",
     },
     "interaction": {"cvxlimit.checks": "certified", "cvxlimit.methods": "certified"},

@@ -139,8 +139,11 @@ def _pictures(scene: Scene, solution: Solution) -> str:
 
 
 def _from_rest(solution: Solution, way: FromRest) -> str:
-    """Returns how a way from rest ended, its curve and the distribution of draws, as HTML."""
+    """Returns how a way from rest ended, its curve, where joints slide and open first, and the
+    distribution of draws, as HTML."""
     curves = {"curve": "the curve"} if way.steps else {}
+    if way.slipped is not None:
+        curves["onset"] = "where joints slide or open first"
     if any(trial.load_factor is not None for trial in way.draws):
         curves["bedding"] = "draws of beds that are not true"
     return _with_curves(_table(said(solution).rows), solution, curves)

@@ -77,6 +77,9 @@ class FromRest:
         Typical initial gap of joints in ``draws``.
     draws : tuple of Trial
         The same with beds that are not true, each at random.
+    slipped, opened : (contacts,) array or None
+        Load factor at which each joint first slid and opened, at some point at least: 0 at rest,
+        NaN where it never did. Files do not hold them.
     """
 
     end: str
@@ -86,6 +89,8 @@ class FromRest:
     spread: tuple[Trial, ...] = ()
     bedding: float | None = None
     draws: tuple[Trial, ...] = field(default=(), repr=False)
+    slipped: FloatArray | None = field(default=None, repr=False, compare=False)
+    opened: FloatArray | None = field(default=None, repr=False, compare=False)
 
     def undecided(self, factor: float) -> str:
         """Where ways of one scene end, if they do not agree on a number; else nothing."""

@@ -11,6 +11,7 @@ from cvxlimit import (
     Incremental,
     Load,
     PointForce,
+    Pressure,
     Reaction,
     Scene,
     Solution,
@@ -20,6 +21,7 @@ from cvxlimit import (
 )  # fmt: skip
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.masonry import running_bond, wall
+from cvxlimit.scene.reactions import Tie
 from cvxlimit.solution import Status
 
 PLAIN = Incremental(spread=False)
@@ -43,7 +45,46 @@ def block(friction: float = 0.7, live: Load = PUSH) -> Scene:
     return Scene([GROUND, stone], ["ground"], live=live, friction=friction)
 
 
+FEET = ((0.0, 0.3, 0.2), (1.1, 1.3, 0.6), (1.8, 2.4, 0.4))
+"""Where three feet begin and end along a beam, and their friction."""
+
+
+def on_feet() -> tuple[Scene, float]:
+    """A beam with a block on it on three feet, pushed along them at their level, and what it
+    carries: pressure goes with a foot's area and is linear along the beam, so that two equations
+    have it, and slips change nothing of it. Two feet more than statics knows."""
+    feet = [Block.box(f"foot{i}", (a, 0, -1), (b, 1, 0)) for i, (a, b, _) in enumerate(FEET)]
+    beam = Block.box("beam", (0, 0, 0), (2.4, 1, 0.4), density=20.0)
+    block = Block.box("block", (1.2, 0, 0.4), (1.8, 1, 0.8), density=30.0)
+    scene = Scene(
+        [*feet, beam, block], [foot.id for foot in feet], friction=0.5,
+        contact_friction={(f"foot{i}", "beam"): mu for i, (*_, mu) in enumerate(FEET)},
+        live=Load(points=(PointForce("beam", (0.0, 0.5, 0.0), (1, 0, 0)),)),
+    )  # fmt: skip
+    start, end, mu = np.array(FEET).T
+    a, x = end - start, (start + end) / 2.0
+    load = 19.2 + 7.2, 19.2 * 1.2 + 7.2 * 1.5
+    first = a @ x
+    p = np.linalg.solve([[a.sum(), first], [first, (a**3 / 12.0 + a * x**2).sum()]], load)
+    return scene, float(mu @ (a * (p[0] + p[1] * x)))
+
+
+def tied() -> Scene:
+    """A block that slides, held from behind by a tie of strength 1 at its middle."""
+    behind = Block.box("behind", (-2, 0, 0), (-1, 0.8, 1))
+    stone = Block.box("stone", (0, 0, 0), (0.4, 0.8, 0.5), density=20.0)
+    tie = Tie("behind", "stone", (-1, 0.4, 0.25), (0, 0.4, 0.25), yield_force=1.0)
+    supports = ["ground", "behind"]
+    return Scene([GROUND, stone, behind], supports, PUSH, friction=0.3, ties=(tie,))
+
+
 CLOSED = {
+    "two blocks on feet of unequal stiffness": on_feet(),
+    "block that a tie holds": (tied(), 0.3 + 1.0 / 3.2),
+    "block that a pressure of 10 on its back pushes": (
+        block(0.3, Load(pressures=(Pressure("stone", (-1, 0, 0), 10.0),))),
+        0.3 * 6.4 / (10.0 * 0.8),
+    ),
     "block that tips": (block(), 0.4),
     "block that slides": (block(0.3), 0.3),
     "two blocks that slide, on joints of unequal stiffness": (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,25 @@ def test_the_curve_rises_to_the_load_factor_below_the_proved_limit() -> None:
     assert_legible(found.plot("curve", figsize=(3.4, 3.2)))
 
 
+def test_where_joints_open_first() -> None:
+    """A block whose pressure leaves the middle third of its joint: at 0.4 / 6 over half its height.
+    Below, it neither opens nor slides anywhere."""
+    found = solve(builtin_scene("single-block"), method=Incremental(spread=False))
+    way = found.from_rest
+    before, first = next((a, b) for a, b in pairwise(found.steps) if b.open)
+    assert way.opened.tolist() == [first.load_factor]
+    assert before.load_factor <= 0.4 / 3.0 + 1e-9 <= first.load_factor + 2e-9
+    stack = solve(builtin_scene("stack"), method=Incremental(spread=False))
+    assert np.isnan(stack.from_rest.opened[-1])  # the uppermost joint, whose block would tip at 2
+    drawn = stack.plot("onset", what="opening")
+    assert "joints that never open" in [text.get_text() for text in drawn.legends[0].get_texts()]
+    assert_legible(found.plot("onset", what="opening", figsize=(3.4, 3.2)))
+    with pytest.raises(InputError, match="what must be one of either, sliding, opening, got 'x'"):
+        found.plot("onset", what="x")
+    with pytest.raises(InputError, match="read from a file"):
+        replace(found, from_rest=replace(way, slipped=None)).plot("onset")
+
+
 def test_draws_stand_in_their_distribution_and_those_without_an_end_are_counted() -> None:
     """Half of the draws are lost: the distribution ends at one half, and the words say why."""
     found = solve(builtin_scene("single-block"), method=Incremental(bedding=0.0, draws=2))
@@ -55,14 +75,14 @@ def test_draws_stand_in_their_distribution_and_those_without_an_end_are_counted(
         replace(found, from_rest=replace(way, draws=())).plot("bedding")
 
 
-@pytest.mark.parametrize("kind", ["curve", "bedding"])
+@pytest.mark.parametrize("kind", ["curve", "onset", "bedding"])
 def test_other_methods_have_none(kind: str) -> None:
     with pytest.raises(InputError, match="method='incremental'"):
         solve(builtin_scene("single-block")).plot(kind)
 
 
 def test_they_are_drawn_from_the_command_line(tmp_path: Path) -> None:
-    files = [tmp_path / f"{kind}.png" for kind in ("curve", "bedding")]
+    files = [tmp_path / f"{kind}.png" for kind in ("curve", "onset", "bedding")]
     asked = [x for file in files for x in ("--plot", f"{file.stem}:{file}")]
     method = ["--method", "incremental", "--bedding", "0.1", "--draws", "2"]
     assert run(["solve", "single-block", *method, *asked]) == 0

@@ -256,6 +256,7 @@ class _Told:
         self.to_come: float | None = None
         self.memory = joints.untouched()
         self.compliance = 1.0
+        self.first = np.full((2, joints.number), np.nan)
 
     def add(self, reached: Reached) -> None:
         """Checks a state, and makes it the answer if it carries most."""
@@ -277,8 +278,8 @@ class _Told:
         self.report()
 
     def _step(self, reached: Reached) -> Step:
-        """What NumPy says of a state: forces against loads, shear against friction, slip against
-        shear."""
+        """Keeps which joints have begun to slide and open, and returns what NumPy says of a state:
+        forces against loads, shear against friction, slip against shear."""
         joints, run, place = self.joints, self.run, reached.place
         state, forces = place.state, joints.forces(place.state)
         statics, length = run.assemblage.statics, run.scaling.length
@@ -287,14 +288,19 @@ class _Told:
         lacking = np.abs(rest[:, :3]).max(axis=1) + np.abs(rest[:, 3:]).max(axis=1) / length
         shear = np.sqrt((state.T**2).sum(axis=1))
         excess = shear - joints.limit(state.N, place.memory)
+        begun = np.stack([
+            (state.slides & (shear > 0.0)).any(axis=1),
+            ((state.gap > 0.0) & (joints.share > 0.0)).any(axis=1),
+        ])  # fmt: skip
+        self.first[np.isnan(self.first) & begun] = place.alpha
         slip = joints.after(state, place.memory).slipped - place.memory.slipped
         size = np.sqrt((slip**2).sum(axis=1))
         spent, most = -(slip * state.T).sum(), (size * shear).sum()
         return Step(
             displacement=reached.w,
             load_factor=place.alpha,
-            sliding=int((state.slides & (shear > 0.0)).any(axis=1).sum()),
-            open=int(((state.gap > 0.0) & (joints.share > 0.0)).any(axis=1).sum()),
+            sliding=int(begun[0].sum()),
+            open=int(begun[1].sum()),
             equilibrium=float((lacking / np.maximum(acting, 1e-300)).max()),
             yield_excess=max(float(excess.max()), 0.0) / max(float(np.abs(state.N).sum()), 1e-300),
             against=float((most - spent) / most) if most > 0.0 else 0.0,
@@ -337,7 +343,7 @@ class _Told:
         )
         way = FromRest(
             self.end, self.to_come, self.limit, steps, tuple(self.others), self.bedding,
-            tuple(self.drawn[seed] for seed in sorted(self.drawn)),
+            tuple(self.drawn[seed] for seed in sorted(self.drawn)), *self.first,
         )  # fmt: skip
         forces = self.checked[self.reached.index(top)].forces
         self.run.best = Answer(

@@ -1,14 +1,17 @@
-"""The way from rest as pictures: load factor over displacement, and where draws of beds end."""
+"""The way from rest as pictures: load factor over displacement, where joints slide and open first,
+and where draws of beds end."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from cvxlimit.base.extras import needed
 from cvxlimit.errors import InputError
+from cvxlimit.plotting.contents import Bar, Viewer, at_rest
 from cvxlimit.plotting.look import printable
+from cvxlimit.plotting.pictures.utilisation import joint_areas
 from cvxlimit.plotting.registry import figures
 from cvxlimit.plotting.style import Style
 from cvxlimit.solution import FromRest, Solution
@@ -74,6 +77,48 @@ def curve(solution: Solution, **options: Any) -> Any:
     axes.set_xlabel("\n".join(lines))
     chart.write(_title(solution, way.end))
     return chart.figure
+
+
+def onset(
+    solution: Solution, *, what: Literal["either", "sliding", "opening"] = "either",
+    viewer: Viewer = None, **options: Any,
+) -> Any:  # fmt: skip
+    """A figure of where joints slide and open first: their areas from light (at rest) to dark (at
+    the load factor reached), grey where they never did. A joint counts once any point of it does.
+
+    ``what`` chooses one of both, ``viewer`` the direction from which the structure is seen;
+    ``options`` are those of every picture (:func:`cvxlimit.plotting.picture`).
+
+    Raises
+    ------
+    InputError
+        For the answer of another method, and one that was read from a file.
+
+    Example
+    -------
+    >>> from cvxlimit import builtin_scene, solve
+    >>> found = solve(builtin_scene("single-block"), method="incremental")
+    >>> type(found.plot("onset", figsize=(3.4, 3.0))).__name__
+    'SceneFigure'
+    """
+    way, verbs = _way_of(solution), {"sliding": "slide", "opening": "open"}
+    if way.slipped is None or way.opened is None:
+        raise InputError(f"{solution!r} was read from a file, which has no joints: solve it again")
+    kinds = {"sliding": way.slipped, "opening": way.opened}
+    if what not in (*kinds, "either"):
+        raise InputError(f"what must be one of either, sliding, opening, got {what!r}")
+    chosen = [what] if what in kinds else [*kinds]
+    first = np.fmin.reduce([kinds[name] for name in chosen])
+    begin = " or ".join(verbs[name] for name in chosen)
+    top = max(step.load_factor for step in way.steps)
+    share = np.clip(first / top if top > 0.0 else first, 0.0, 1.0)
+    keys = [(Style.idle, f"joints that never {begin}")] if np.isnan(share).any() else []
+    drawing = at_rest(
+        solution, viewer, f"where joints {begin} first on the way from rest",
+        decals=list(joint_areas(solution.scene, share, both=False)), keys=keys, glass=True,
+        bar=Bar(Style.use, f"load factor at which joints {begin}, over the one reached"),
+    )  # fmt: skip
+    return figures().drawn(drawing, **options)
 
 
 def bedding(solution: Solution, **options: Any) -> Any:
