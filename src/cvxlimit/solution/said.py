@@ -28,6 +28,8 @@ _LEAST = "the lowest state that can be found, where beds are not true: --method 
 REACHED = "the load reached from rest"
 LOWEST = "the lowest load found if sliding opens no joint"
 """What to report where joints slide."""
+WHERE_MET = "this, if it is reached from rest as well"
+"""What to report where no joint of the proved mechanism slides, as leaves may part on the way."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,6 +163,9 @@ def _bracketed(solution: Solution) -> Said:
     if rows:
         report, option = _from_rest_or_lowest(solution)
         headline = f"{headline}; {rows[0][1]}"
+    elif solution.status.is_good and solution.interaction == "none":
+        other, option = _from_rest_or_lowest(solution)
+        report, option = (WHERE_MET, option) if other == REACHED else (report, _PAGE)
     return Said(
         value=value, standing=standing, headline=headline, rows=rows, report=report, option=option
     )

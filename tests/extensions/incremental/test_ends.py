@@ -8,10 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cvxlimit import Incremental, Scene, Solution, Units, builtin_scene, solve
+from cvxlimit import Incremental, Load, Scene, Solution, Units, builtin_scene, solve
 from cvxlimit.extensions.incremental.stating import ElasticStep
+from cvxlimit.masonry import rubble_wall
 from cvxlimit.solution import Status, Trial
-from cvxlimit.solution.said import said
+from cvxlimit.solution.said import WHERE_MET, said
 from exhaustive import mostly_slow, slow
 from helpers import renumbered
 from members import assert_member
@@ -166,3 +167,19 @@ def test_ways_that_end_apart_are_told_as_a_range_that_is_not_decided() -> None:
         assert ("not decided" in said(apart).standing) is not is_one
         assert ("not decided" in said(apart).headline) is not is_one
         assert (" to " in said(apart).headline.split("reached")[0]) is not is_one
+
+
+@pytest.mark.exhaustive
+def test_leaves_part_where_no_joint_of_the_proved_mechanism_slides() -> None:
+    """A wall of two leaves overturns as one in the plain solve, at its thickness over its height;
+    from rest the leaves part at less, so that the plain answer does not send to itself alone."""
+    load = Load(acceleration=(0, 1, 0))
+    wall = rubble_wall(2.4, 1.8, 0.45, seed=1, widths=(0.25, 0.6), heights=(0.15, 0.3),
+                       through=3, density=20.0, friction=0.6, live=load)  # fmt: skip
+    plain = solve(wall)
+    assert plain.load_factor == pytest.approx(0.45 / 1.8, rel=1e-5)
+    told = said(plain)
+    assert not told.rows
+    assert (told.report, told.method) == (WHERE_MET, "incremental")
+    reached = solve(wall, method=Incremental(spread=False))
+    assert reached.load_factor < 0.98 * plain.load_factor
