@@ -175,6 +175,18 @@ def test_runs_that_end_otherwise_are_not_decided(tmp_path) -> None:
 
 
 @pytest.mark.exhaustive
+@pytest.mark.parametrize(("made", "seed"), [(pile, 3), (cut, 1), (voussoirs, 2)])
+def test_paths_to_a_fifth_of_the_push_are_proved_from_their_files(made, seed, tmp_path) -> None:
+    scene = made(seed)
+    for flow in ("associated", "zero-dilatancy"):
+        pushover(scene, flow=flow, until=0.2).save(tmp_path / "path.json")
+        path = read_path(tmp_path / "path.json")
+        assert path.until == 0.2
+        assert path.status != "zero" or path.load_factor[-1] <= 0.2 + 1e-3 * path.load_factor[0]
+        assert prove(tmp_path / "path.json").is_proved
+
+
+@pytest.mark.exhaustive
 def test_a_planar_scene_stays_in_its_plane() -> None:
     """Turned by any angle about the vertical, the plane turns with it."""
     c, s = np.cos(0.3), np.sin(0.3)

@@ -192,7 +192,7 @@ def facts(path: Path) -> Iterator[tuple[str, str]]:
         yield "motion", motions(path)
         yield "reactions at first", reactions(path, 0)
         yield "reactions at the end", reactions(path, -1)
-        for i in (len(path) // 2, -1):
+        for i in (int(np.abs(path.w - 0.5 * path.w[-1]).argmin()), -1):
             yield f"open at {path.w[i]:.5g} {path.units.w}", opened(path.openings(i), 6) or "none"
     else:
         yield "load factor", f"{first} with friction at points, {last} where the path ends"
