@@ -76,7 +76,8 @@ class Walk(Rest):
                 lost = [what for at, what in path.failures if self.found and at == before]
                 bonds = bonds.without(lost).after(pose)
             before = shown.w
-            self.found.append(At(pose, shown, *self._slid(shown), bonds))
+            at = At(pose, shown, *self._slid(shown), bonds)
+            self.found.append(replace(at, pace=self.pace(self.found[-1:], at)))
 
     def proved(self, found: At) -> At:
         """Returns a configuration with its bracket. One that is followed has none where forces bear

@@ -135,13 +135,24 @@ class Rest:
         if not isinstance(answer, Found):
             return Failed(0.0, "not-converged", np.zeros(len(self.scene.free)))
         shown = self._shown(self.begin.pose, points, answer, 0.0, 0.0, 1, loss)
-        pace = None if self.has_dilatancy or self.motions else self._pace(answer.d)
-        return replace(shown, bonds=self.begin.bonds, pace=pace)
+        return replace(shown, bonds=self.begin.bonds, pace=self._pace(answer.d))
 
-    def _pace(self, d: FloatArray) -> FloatArray | None:
+    def _pace(self, d: FloatArray | None) -> FloatArray | None:
         """Returns a mechanism for each w, if the live load moves on in it."""
+        if d is None or self.has_dilatancy or self.motions:
+            return None
         power = float(self.loads.at(self.begin.pose)[1] @ d.ravel())
         return d * (self.loads.size / power) if power > 0.0 else None
+
+    def pace(self, before: Sequence[At], at: At) -> FloatArray | None:
+        """Returns how blocks came to a configuration from the one before, or begin to move if there
+        is none; without dilatancy alone, with which no iterate asks for it."""
+        if self.has_dilatancy:
+            return None
+        if not before:
+            return self._pace(self.first_rates())
+        way, length = at.pose.since(before[0].pose, self.scene.free), at.shown.w - before[0].shown.w
+        return way / length if length > 0.0 else None
 
     def first_rates(self) -> FloatArray | None:
         """Returns the mechanism (free blocks, 6) by which blocks begin to move, if one is found."""
@@ -206,9 +217,8 @@ class Rest:
         without them."""
         while True:
             found = self._settle(start, w)
-            if isinstance(found, At) and not self.has_dilatancy:
-                way = found.pose.since(start.pose, self.scene.free)
-                found = replace(found, pace=way / (found.shown.w - start.shown.w))
+            if isinstance(found, At):
+                found = replace(found, pace=self.pace([start], found))
             if start.bonds is None or isinstance(found, Failed):
                 return found
             left = start.bonds.holding(found.pose)
