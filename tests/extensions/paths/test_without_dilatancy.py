@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cvxlimit import Block, Incremental, Load, Path, Scene, builtin_scene, pushover, solve
+from cvxlimit import Block, Load, Path, Scene, builtin_scene, pushover, solve
 from cvxlimit.base import doors
 from cvxlimit.extensions.paths.configuration import Configuration
 from cvxlimit.extensions.paths.starting import from_rest
@@ -152,9 +152,9 @@ def test_a_path_begins_where_the_way_from_rest_ends(name: str, first: float) -> 
     known; both come down from there, and nothing is lost: joints that slide without opening may
     do so in other states, at higher load factors."""
     scene = builtin_scene(name)
+    reached = solve(scene, method="incremental")
     path = slid(scene, scene.contacts.typical_size / 100.0, most=1)
     assert path.load_factor[0] == pytest.approx(first, abs=1e-6)
-    reached = solve(scene, method=Incremental(spread=False))
     assert path.load_factor[0] == pytest.approx(reached.steps[-1].load_factor, rel=1e-6)
     assert (np.diff(path.load_factor) < 0.0).all()
     assert max(x.loss for x in path) < 1e-6  # a thousandth of what counts as none
@@ -165,7 +165,7 @@ def test_a_path_begins_where_the_way_from_rest_ends(name: str, first: float) -> 
 def test_a_path_begins_somewhere_where_nobody_goes_the_way_from_rest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.delitem(doors._PLACES["cvxlimit.methods"], "incremental")
+    monkeypatch.delitem(doors._PLACES["cvxlimit.methods"], "incremental", raising=False)
     scene = builtin_scene("ferris-tin-loi-3")
     from_rest.cache_clear()
     path = slid(scene, 0.01, most=0)
