@@ -12,7 +12,6 @@ from cvxlimit.cli.options import Command
 from cvxlimit.cli.report import files_asked
 from cvxlimit.cli.shell import ExitCode, refuse, show
 from cvxlimit.cli.solving import scene_named
-from cvxlimit.errors import InputError
 from cvxlimit.extensions.studies.comparison import Comparison, compare
 from cvxlimit.plotting.look import IMAGES
 
@@ -27,8 +26,6 @@ class CompareCommand(Command):
         Models, several with commas or several times: cvxlimit (the default), 16-gon and other
         surfaces, and other options of solve joined as in octagon/clarabel/1e-4,
         certified/paper. Unless given: surfaces, solvers and tolerances that come with the package.
-    facets : K,K
-        Polygons with so many facets beside the cone, outside and inside: 4,8,16,32.
 
     Output
     ------
@@ -45,7 +42,6 @@ class CompareCommand(Command):
 
     scene: str
     models: list[str] | None = None
-    facets: str | None = None
     csv: Path | None = None
     plot: Path | None = None
     repeat: int = 3
@@ -54,18 +50,9 @@ class CompareCommand(Command):
         files_asked(self, "csv", plot=IMAGES)
         names = [name.strip() for text in self.models or () for name in text.split(",")]
 
-        try:
-            facets = [int(k) for k in self.facets.split(",")] if self.facets else None
-        except ValueError as error:
-            raise InputError(
-                f"--facets must be numbers, as in 4,8,16, got {self.facets!r}"
-            ) from error
-
         def compared(tell: Tell) -> Comparison:
             scene = scene_named(self.scene)
-            return compare(
-                scene, names or None, facets=facets, repeat=self.repeat, progress=with_result(tell)
-            )
+            return compare(scene, names or None, repeat=self.repeat, progress=with_result(tell))
 
         found = interruptible(compared)
         show(Text(found.table()))
