@@ -103,7 +103,8 @@ def agree(path: Path, finer: Path) -> bool:
         return path.slides_away and finer.slides_away
     low, high = path.d0_interval
     if np.isfinite(low):
-        change = np.fmax(1e-4, abs(path.change))
+        # what slides gives way at once at one w or another, which each step places by itself
+        change = np.fmax(5e-3 if path.slides else 1e-4, abs(path.change))
         is_said = change <= WITHIN or f"{path.change:+.1%} of the first" in path.headline
         near = max(high - low, change * high)
         return is_said and low - near <= finer.d0 <= high + near
@@ -295,7 +296,7 @@ def test_rows_whose_load_factor_lies_outside_the_bracket_beside_it_are_marked(
 
 @pytest.mark.exhaustive
 def test_a_tied_front_whose_iterates_do_not_settle_is_followed_to_its_end() -> None:
-    path = pushover(replace(tied(), friction=0.5), 0.1, stretch=0.02)
+    path = pushover(replace(tied(), friction=0.45), 0.1, stretch=0.02)
     assert path.status == "zero"
     assert path.followed
     assert prove(path).is_proved
