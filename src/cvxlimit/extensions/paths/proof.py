@@ -14,8 +14,9 @@ import numpy as np
 from cvxlimit.extensions.paths.configuration import Flow, Points
 from cvxlimit.extensions.paths.increment import FINE, Increment, Loads, point_forces
 from cvxlimit.extensions.paths.pairs import CLOSED, Pose
+from cvxlimit.extensions.paths.supports import opening_field
 from cvxlimit.model.assemblage import Balance
-from cvxlimit.model.statement import Stated, largest_self_stress
+from cvxlimit.model.statement import Stated
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.scene import Scene
 from cvxlimit.solution.bracket import Bracket
@@ -38,9 +39,8 @@ def bracket_of(
         return Bracket(), widest
     certifier = _certifier(whole)
     plain = Increment(scene, closed.unbound, pose, loads) if closed.is_bound else whole
-    opening = _run(plain, largest_self_stress)
-    if opening is not None and opening.mechanism is not None:
-        certifier.offer_opening_field(opening.mechanism)
+    if (field := opening_field(plain)) is not None:
+        certifier.offer_opening_field(field)
     upper = certifier.certificate(None, None, found.mechanism)
     n = found.internal[: len(closed)]
     bearing = closed.take(n > CLOSED * n.max(initial=0.0))

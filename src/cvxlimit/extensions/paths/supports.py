@@ -14,7 +14,7 @@ no compression and friction do negative work on them, and the dead load's is pos
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,13 +26,14 @@ from cvxlimit.base.arrays import EPSILON, ROUNDING, FloatArray
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.increment import FINE, Increment, Loads
 from cvxlimit.extensions.paths.pairs import Pose
-from cvxlimit.model.sinks import Rows
+from cvxlimit.model.sinks import Form, Rows
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.results.movement import rotation
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load
 from cvxlimit.scene.settling import SupportMotion, check_motions
 from cvxlimit.solvers import ladder_for
+from cvxlimit.solvers.program import ConeProgram
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,26 +172,45 @@ def rates_of(scene: Scene, motions: Sequence[SupportMotion]) -> dict[str, FloatA
 def falling(given: Increment) -> FloatArray | None:
     """Returns rates (free blocks, 6) that prove that no forces at closed points carry the dead
     load, whatever the reaction of the supports that move; None where none are found."""
-    points, statics, scaling = given.points, given.assemblage.statics, given.assemblage.scaling
-    scaled, k = scaling.apply(statics), len(points)
+    scaling = given.assemblage.scaling
+    scaled = scaling.apply(given.assemblage.statics)
+    into, u, opening = opened(given, scaled)
+    into.nonneg(opening - 10.0 * ROUNDING * np.ones(len(given.points)))
+    into.zero(sp.csr_array(scaled.live[None]) @ u)
+    return next((x for x in _rates(given, into.written(scaled.dead[None] @ u).program)
+                 if is_falling(given, x)), None)  # fmt: skip
+
+
+def opening_field(given: Increment) -> FloatArray | None:
+    """Returns rates (free blocks, 6) that open all points beyond friction times slip, the one that
+    opens least as far as blocks that go no farther than others allow; None where no solver has
+    any."""
+    into, _, opening = opened(given, given.assemblage.scaling.apply(given.assemblage.statics))
+    least = into.new()
+    into.nonneg(opening - np.ones((len(given.points), 1)) @ least)
+    return next(_rates(given, into.written(least).program), None)
+
+
+def opened(given: Increment, scaled: Statics) -> tuple[Rows, Form, Form]:
+    """Returns a sink in which blocks go by rates u of 1 at most, in units of the scaling; u; and by
+    how much these open points beyond friction times slip (k,)."""
+    points, k, into = given.points, len(given.points), Rows()
     rates = scaled.matrix.T.tocsr()
     normal, *along = (rates[DOF * np.arange(k) + column] for column in (2, 0, 1))
-    into = Rows()
-    u, slip, one = into.new(len(scaled.dead)), into.new(k), np.ones(k)
+    u, slip = into.new(len(scaled.dead)), into.new(k)
     into.cone(slip, [each @ u for each in along])
-    into.nonneg(normal @ u - points.friction * slip - 10.0 * ROUNDING * one)
-    into.zero(sp.csr_array(scaled.live[None]) @ u)
     for sign in (1.0, -1.0):
         into.nonneg(sign * u + 1.0)
-    program = into.written(scaled.dead[None] @ u).program
+    return into, u, normal @ u - points.friction * slip
+
+
+def _rates(given: Increment, program: ConeProgram) -> Iterator[FloatArray]:
+    """Yields the rates (free blocks, 6) of what one solver after the other finds."""
+    scaling, count = given.assemblage.scaling, len(given.assemblage.statics.dead)
     for settings in ladder_for("paths", FINE):
         _, x, _ = program.solve(settings)
-        if x is None:
-            continue
-        found = scaling.mechanism((x[: len(scaled.dead)]).reshape(-1, DOF)) * scaling.live
-        if is_falling(given, found):
-            return found
-    return None
+        if x is not None:
+            yield scaling.mechanism(x[:count].reshape(-1, DOF)) * scaling.live
 
 
 def is_falling(given: Increment, rates: FloatArray) -> bool:
