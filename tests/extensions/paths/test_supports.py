@@ -483,8 +483,11 @@ def test_blocks_that_clamp_each_other_press_no_harder_than_balances() -> None:
         if len(lines) == 30:
             raise KeyboardInterrupt
 
-    path = pushover(scene, certify="none", halvings=0, progress=stop)
+    path = pushover(scene, halvings=0, progress=stop)
     assert len(path) == 30
+    assert prove(path).is_proved
+    widths = [c.bracket.upper - c.bracket.lower for c in path if c.bracket is not None]
+    assert max(widths) <= 1e-6 * path.load_factor[0]
     off = [max(imbalance(shown)) for shown in path if not shown.is_followed]
     assert len(off) > 10
     assert max(off) <= 1e-6 * scene.total_weight

@@ -260,8 +260,10 @@ class Near(NamedTuple):
 
         Openings of points follow from the new gaps and the part of d that is left. They are raised
         to be as far inside their cones as they were; forces of new points are chosen on the central
-        path.
+        path. There are none where an equation has come or gone, as of a moment that no point bears.
         """
+        if len(self.found.duals) != program.zero:
+            return []
         place = np.searchsorted(self.before, self.now).clip(max=len(self.before) - 1)
         k, is_new = len(place), self.before[place] != self.now
         of_forces, result = program.matrix[: program.zero, : 3 * k].T, []
