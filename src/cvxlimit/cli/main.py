@@ -77,7 +77,8 @@ COMMANDS = Door("cvxlimit.commands")
 
 
 def add(name: str) -> None:
-    """Take a command from its door: a record of options, or of others a function for Typer."""
+    """Register a command from its door: a record of options, or, from other distributions, a
+    function for Typer."""
     made = COMMANDS[name]
     command = typer_command(made) if isinstance(made, type) else made
     app.command(name, epilog=getattr(command, "epilog", None))(command)
@@ -95,7 +96,7 @@ def _summary(place: str) -> str:
 
 
 _LOADED = {"scenes"}
-"""Commands that are all there; of others the list of commands has the name and a line."""
+"""Commands that Typer knows in full; of the others it has the name and a summary only."""
 
 for _name, _place in COMMANDS.places.items():
     app.command(_name, help=_summary(_place))(lambda: None)
@@ -105,7 +106,7 @@ def main(when_imported: Callable[[], object] = lambda: None) -> NoReturn:
     """Runs the command, and calls ``when_imported`` once all that it needs is imported."""
     code = run(sys.argv[1:], when_imported)
     workers = active_children()
-    if workers:  # of what was interrupted: their pool's thread would report an accident
+    if workers:  # left by an interrupted pool, whose thread would report their end as an error
         threading.excepthook = lambda _: None
         for process in workers:
             process.kill()
@@ -193,7 +194,7 @@ def _internal(error: Exception) -> ExitCode:
         return ExitCode.INTERNAL_ERROR
     return refuse(
         ExitCode.INTERNAL_ERROR,
-        "internal error, please report it with your scene to where you have cvxlimit from "
+        "internal error, please report it, with your scene, where you got cvxlimit "
         f"({type(error).__name__}: {error}); CVXLIMIT_DEBUG=1 shows where",
     )
 

@@ -1,9 +1,9 @@
 """Below which load factor no solution without dilatancy lies: proved, from least thrusts of joints.
 
 Let N' be compressions that no admissible state at a load factor between a and c falls below, joint
-by joint. Every solution without dilatancy in that interval has its forces on the friction mu N of
-its own compressions N >= N'. Forces y that balance the loads at a factor F with no more friction
-than mu N' are then among those that its mechanism u resists least of all, so that
+by joint. Every solution without dilatancy in that interval has its forces x within the friction
+mu N of its own compressions N >= N'. Forces y that balance the loads at a factor F with no more
+friction than mu N' are then among those of which x does the least power on its mechanism u, so that
 
     F  =  -f_D . u - y . A' u  <=  -f_D . u - x . A' u  =  its load factor.
 
@@ -52,7 +52,7 @@ _FAR = 1e3
 """Load factors, over those of natural size, at which least thrusts show how they grow."""
 
 _FEWER = 0.9
-"""Joint problems for the sum of all open thrusts go on while they leave at most this share open."""
+"""Problems for the sum of all open thrusts go on while each leaves at most this share of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ def lower_bound(
     states : iterable of (forces (n, 6), load factor)
         Admissible states that are known: what they show need not be sought.
     most : float
-        Problems after which no further least thrust is sought; what those found by then exclude is.
+        Problems after which no further least thrust is sought; what those found exclude counts.
     """
     return _Search(run, upper, states, most).bound()
 
@@ -160,8 +160,8 @@ class _Thrusts:
     """Bounds on the least thrust of every joint, its least compression at a load factor.
 
     ``lines`` are proved bounds from below that are linear in the load factor: constant, slope and
-    rounding (n,) each. ``pressed_by_factor`` has the compressions (n,) of admissible states, which
-    are bounds from above at their load factors, and between those of two states.
+    rounding (n,) each. ``pressed_by_factor`` has the compressions (n,) of admissible states: bounds
+    from above at their load factors, and their means between those of two states.
     """
 
     def __init__(self, count: int) -> None:

@@ -20,7 +20,7 @@ y        a flow for each row of B                            (q,)   ``flows``
 opening  what remains of r without the two                   (p,)   ``rest``
 =======  ==================================================  =====  ================================
 
-Contact forces then do at least -(c' lambda - b' y) of power. For the opening takes none from
+Contact forces then do at least -(c' lambda - b' y) of power. For the opening takes no power from
 compressions, and y'(B s + b) is at most polar_gauge(y) gauge(B s + b), hence at most
 lambda'(R s + c). So c' lambda - b' y is the *dissipation*: what forces take up at most.
 
@@ -172,15 +172,15 @@ class ConditionRows:
             self.conditions.append((cone, at, by_norm))
 
     def excess(self, state: FloatArray) -> FloatArray:
-        """Yield functions (k,) of a state, internal forces (p,), row by row of the resistances; y
-        <= 0 is admissible."""
+        """Yield functions (k,) of a state, internal forces (p,), row by row of the resistances;
+        those of an admissible state are at most 0."""
         resistance, norms = self.resistance, self.norms
-        y = np.asarray(-(resistance.matrix @ state + resistance.constant))
+        value = np.asarray(-(resistance.matrix @ state + resistance.constant))
         components = norms.matrix @ state + norms.constant
         for cone, at, by_norm in self.conditions:
             for norm in by_norm:
-                y[at] += cone.gauge(components[norm])
-        return y
+                value[at] += cone.gauge(components[norm])
+        return value
 
 
 class StatedFlow(NamedTuple):
@@ -245,7 +245,7 @@ class FlowRule(ConditionRows):
         ``unit`` (n,) is the strength of each contact, a force: the dissipation is divided by it
         contact by contact, and so becomes an opening.
         """
-        every: tuple[list[Any], list[Any]] = [], []
+        every, flows = list[Any](), list[Any]()
         for cone, at, by_norm in self.conditions:
             polars = [cone.polar(into, *norm.T.shape) for norm in by_norm]
             if len(polars) == 1:
@@ -254,10 +254,10 @@ class FlowRule(ConditionRows):
                 multipliers = into.new(at.stop - at.start, nonneg=True)
             for bound, _ in polars if len(polars) > 1 else ():
                 into.nonneg(multipliers - bound)
-            every[0].append(multipliers)
-            every[1].extend(chain(*(rows for _, rows in polars)))
+            every.append(multipliers)
+            flows.extend(chain(*(rows for _, rows in polars)))
         # rest = rates - R' lambda + B' y, and dissipation = c' lambda - b' y
-        rest, lost, forms = rates, list[Any](), [stacked(e) if e else None for e in every]
+        rest, lost, forms = rates, list[Any](), [stacked(e) if e else None for e in (every, flows)]
         for sign, rows, form in zip((1.0, -1.0), (self.resistance, self.norms), forms, strict=True):
             if form is not None:
                 change = rows.transposed @ form
@@ -392,9 +392,9 @@ class FlowRule(ConditionRows):
 
     @cached_property
     def _changes(self) -> tuple[sp.csr_array, BoolArray, Callable[[FloatArray], FloatArray]]:
-        """Rows E (k + q, signed forces) of what signed forces see of lambda and -y, without those
-        of lambda where they see none of it; which of these forces stand in none of them; and a
-        solver of E'E, with 1 on the diagonal of these."""
+        """The matrix E (k + q, signed forces) by which lambda and -y change the rates of signed
+        forces, without the rows of lambda where no resistance grows with these; which of them no
+        row changes; and a solver of E'E, with 1 on their diagonal."""
         own = self.norms.matrix
         if self._free.any():
             own = sp.vstack([self.resistance.matrix, own]).tocsr()

@@ -7,7 +7,7 @@ By weak duality each of them bounds the load factor alpha without the other. In 
    in it is all that they can. One certificate recomputes both (:mod:`cvxlimit.proof.certificate`).
    It mixes x and u with a little of two reference states, which the solution holds where they are
    not found again by projections; they are checked as x and u are, so that false ones cannot help.
-   A bound is held against the one that was found anew, either way.
+   A bound may be neither better nor worse than the one that is found anew.
 3. *What follows* from these: the solution is packed anew, and each entry is held against that
    (:func:`~cvxlimit.proof.checks.compared`). A status follows from the width of the bracket and
    the tolerance that was asked for, which is part of the claim. What nothing finds, how an answer
@@ -87,7 +87,7 @@ RESTS_ON = {
 """The evidence that is needed where no load factor exists."""
 
 _OF_THE_SCENE = "contact_names", "units", "lumped", "torsion_shear"
-"""What files of earlier versions lack."""
+"""Fields that follow from the scene, and that files of earlier versions lack."""
 
 _FOUND = {
     "surface", "interaction", "flow", "moments", "blocks", "contacts", *_OF_THE_SCENE,
@@ -152,8 +152,8 @@ def solution_checks(
 
 def _pushed(said: Solution, scene: Scene) -> tuple[Assemblage, Solution] | None:
     """The limit problem behind the reaction R = R0 - s alpha of supports that move, and what is
-    said of alpha. How they move its mechanism has, by a unit, and R0 the state to which bounds
-    refer."""
+    said of alpha. The mechanism has the motion of the supports, scaled to a unit; the reference
+    state gives R0."""
     (which, _, kind), (_, _, told) = (said.quantity.partition(x) for x in (" ", " of "))
     sign, names = {"least": 1.0, "largest": -1.0}.get(which, 0.0), told.split(", ")
     rates, state = said.mechanism or {}, (said.reference or Reference()).forces
@@ -187,7 +187,7 @@ def known_or_asked(found: Any, scene: str, option: str, name: str) -> Any:
     """What a solution or a domain of a scene names; raises InputError where it is one's own."""
     if not found:
         raise InputError(
-            f"what is held of {scene!r} rests on {option.removesuffix('s')}s of one's own "
+            f"what is stored of scene {scene!r} rests on {option.removesuffix('s')}s of your own "
             f"({name}), which no file holds: give them as {option}=..."
         )
     return found
@@ -310,10 +310,10 @@ class ProvedAgain:
 
     def bracket_by(self, by: Evidence, certifier: Certifier | None = None) -> Bracket:
         """What evidence proves without interaction; nothing if it is of other blocks. A bound
-        depends a little on the states that it refers to, and on the load factor for which forces
-        are put into balance, by some thousand times a change of it where a state has little to
-        spare: those that are held are taken if they are what they should be. Internal forces are,
-        if they add up to what contacts transfer."""
+        depends a little on its reference states and on the load factor for which forces are
+        balanced: where a state has little to spare, by some thousand times the change. So those
+        held are taken, if they are what they should be; internal forces, if they add up to what
+        contacts transfer."""
         own, given = certifier or self.certifier, by.reference or Reference(by.load_factor)
         with suppress(ModelError):  # of other blocks
             strength = own.strength
@@ -340,7 +340,7 @@ class ProvedAgain:
         """Rates on which the dead load does more work than contacts can take up."""
         whole, dead = self.certifier, self.run.assemblage.statics.dead
         alone = Certifier(whole.assemblage.alone(dead), whole.surfaces, self.run.formulation)
-        # a share of the dead load below what is all of it, or below half where it is all or nothing
+        # below 1 some of the dead load falls; where it is carried whole or not at all, 1/2 tells
         enough = 0.5 if alone.strength.is_cone else 1.0 - RESIDUAL
         upper = alone.certificate(None, None, self.by.rates).upper
         said = f"the mechanism shows {upper:.3g} of it"
@@ -406,7 +406,7 @@ class ProvedAgain:
         return self.by.forces is not None and bool(np.isfinite(self.by.forces).all())
 
     def held_checks(self) -> Iterator[Check]:
-        """That forces carry what they are said to, and that the mechanism is of live power 1."""
+        """That forces carry what they are said to, and that the mechanism has live power 1."""
         statics, scaling, by = self.run.assemblage.statics, self.run.scaling, self.by
         bracket, factor, live = self.solution.bracket, by.load_factor, statics.live
         if factor is not None:

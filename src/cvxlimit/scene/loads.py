@@ -1,4 +1,4 @@
-"""Load cases: own weight, accelerations, forces at centroids and at points, pressure on faces."""
+"""Load cases: self-weight, accelerations, forces at centroids and at points, pressure on faces."""
 
 from __future__ import annotations
 
@@ -369,4 +369,4 @@ _LISTED = {"points": PointForce, "pressures": Pressure, "growing": GrowingAccele
 """Fields of a load that are sequences, with the class of their entries."""
 
 GRAVITY = Load(gravity=(0.0, 0.0, -1.0))
-"""Dead load of most scenes: own weight along -z."""
+"""Dead load of most scenes: self-weight along -z."""

@@ -44,7 +44,7 @@ class Scene(RemadeFromFields, SceneJoints):
     live : Load
         Multiplied by the unknown load factor.
     dead : Load
-        Always there; own weight along -z unless given.
+        Always there; self-weight along -z unless given.
     friction, cohesion, compressive_strength, tensile_strength : float
         Values of all contacts without an exception, see
         :class:`~cvxlimit.geometry.strengths.JointValues`. By default 0.7 (tan 35 degrees, as in all

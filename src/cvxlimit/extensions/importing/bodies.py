@@ -92,6 +92,7 @@ def merged(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]
 def with_faces(
     vertices: FloatArray, faces: Sequence[Sequence[int]]
 ) -> tuple[FloatArray, list[list[int]]]:
+    """The corners (k, 3) that faces have, and the faces by their numbers."""
     used, number = np.unique(np.concatenate(faces), return_inverse=True)
     ends = np.cumsum([len(face) for face in faces])[:-1]
     own = np.split(np.asarray(number).reshape(-1), ends)
@@ -117,19 +118,19 @@ def separated(body: Body) -> list[Body]:
         points, faces = _as_one_point(body)
     except IndexError:
         return [body]
-    wide = np.array([len(set(face)) > 2 for face in faces])
-    if not wide.any():
+    has_corners = np.array([len(set(face)) > 2 for face in faces])
+    if not has_corners.any():
         return [body]
     # Three corners that are each half a step off lie less than two steps off a line.
     blur = 2.0 * step_of(body.vertices)
-    thick = wide & _has_area(points, faces, blur)
-    if not thick.any():
+    has_area = has_corners & _has_area(points, faces, blur)
+    if not has_area.any():
         return [body]
-    wide, (some, found) = _told_apart(points, faces, wide, thick, blur)
+    wide, taken, shells = _told_apart(points, faces, has_corners, has_area, blur)
     listed = [body.faces[i] for i in np.flatnonzero(wide).tolist()]
     label = np.full(len(faces), -1)
-    own = _with_cavities_joined(points, some, found, listed)
-    label[wide] = _with_sheets_apart(points, some, own, found.closed)
+    own = _with_cavities_joined(points, taken, shells, listed)
+    label[wide] = _with_sheets_apart(points, taken, own, shells.closed)
     label = _with_slivers_joined(points, faces, label)
     numbers, first = np.unique(label, return_index=True)
     if not wide.all():  # they keep two corners, and are counted among the repairs of their stone
@@ -168,33 +169,39 @@ def _shells_among(
 
 
 def _told_apart(
-    points: FloatArray, faces: Faces, wide: BoolArray, thick: BoolArray, blur: float
-) -> tuple[BoolArray, tuple[Faces, Shells]]:
-    """The faces that count, and their shells: those that close, if there are any.
+    points: FloatArray, faces: Faces, has_corners: BoolArray, has_area: BoolArray, blur: float
+) -> tuple[BoolArray, Faces, Shells]:
+    """The faces that count, as they are taken, and their shells: of up to three attempts the first
+    whose shells all close, else the last.
 
-    Faces without area go: which way they look is rounding, and leads from one stone to the next.
-    Where edges are cut on one side only, as two stones at the same place may have them, they are
-    cut on both.
+    1. Faces with an area alone (which way others look is rounding, and leads from one stone to the
+       next), edges cut on both sides where they are cut on one, as two stones at the same place may
+       have them;
+    2. the same with edges as they are, if any was cut;
+    3. faces without an area as well, if there are any.
     """
-    some = tuple(faces[i] for i in np.flatnonzero(thick).tolist())
+    some = tuple(faces[i] for i in np.flatnonzero(has_area).tolist())
     within = max(RELATIVE_TOLERANCE * _size(points, some), blur)
     table, used = EdgeTable.of(some), np.unique(np.concatenate(some))
     cut, joined = with_corners_on(np.arange(len(table.key)), used, within, points, table, some)
-    found = thick, (cut, Shells.of(points, cut, EdgeTable.of(cut), blur))
-    for other in [thick] * (joined > 0) + [wide] * (not thick[wide].all()):
-        if found[1][1].closed.all():
+    attempts = [has_area] if joined else []
+    if not has_area[has_corners].all():
+        attempts.append(has_corners)
+    counted, taken, shells = has_area, cut, Shells.of(points, cut, EdgeTable.of(cut), blur)
+    for chosen in attempts:
+        if shells.closed.all():
             break
-        found = other, _shells_among(points, faces, other, blur)
-    return found
+        counted, (taken, shells) = chosen, _shells_among(points, faces, chosen, blur)
+    return counted, taken, shells
 
 
 def _size(points: FloatArray, faces: Faces | list[IntArray]) -> float:
-    """Of a face in the middle (length)."""
+    """The median size of the faces (length)."""
     return float(np.median([np.linalg.norm(np.ptp(points[list(f)], axis=0)) for f in faces]))
 
 
 def _has_area(points: FloatArray, faces: Faces, blur: float) -> BoolArray:
-    """False (f,) for faces that are wider than rounding, or the ``blur`` of corners, nowhere."""
+    """False (f,) for faces that are nowhere wider than rounding, or the ``blur`` of corners."""
     areas = np.linalg.norm(area_vectors(points, faces), axis=1)
     long = np.array([np.ptp(points[list(face)], axis=0).max() for face in faces])
     return np.asarray(areas > np.maximum(RELATIVE_TOLERANCE * long, 0.5 * blur) * long)
@@ -238,7 +245,7 @@ def _is_sliver(points: FloatArray) -> bool:
 
 
 def _is_one_shell(faces: Sequence[Sequence[int]]) -> bool:
-    """True if every edge has two faces and all hang together: nearly always, and quickly told."""
+    """True if every edge has two faces and all hang together, as nearly always; quick to tell."""
     table = EdgeTable.of(faces)
     one, other = (table.face[side] for side in table.twins())
     return bool((table.uses == 2).all()) and not linked(len(faces), one, other).any()
@@ -252,22 +259,22 @@ def _part(body: Body, faces: IntArray, name: str) -> Body:
 def _with_cavities_joined(
     points: FloatArray, faces: Faces, found: Shells, listed: Sequence[Sequence[int]]
 ) -> IntArray:
-    """Shells by number, cavities as what they lie in. Faces that a program listed twice, or once
-    from either side, are no second body; with corners of their own (``listed`` has the file's
-    numbers of corners) and the same way round they are."""
+    """Shells by number, cavities as what they lie in. A shell with the same faces as one before is
+    no second body if it shares corners with it in the file (``listed``), or is turned the other way
+    round; a copy with corners of its own, turned the same way, is one."""
     shell, outwards = found.shell, flipped(faces, found.turned)
     result = np.arange(int(shell.max()) + 1)
-    given, size = volumes(points, faces, shell) < 0.0, volumes(points, outwards, shell)
+    is_inverted, size = volumes(points, faces, shell) < 0.0, volumes(points, outwards, shell)
     closed = np.isin(result, shell[found.closed])
     corners = [{i for face in own for i in face} for own in by_shell(listed, shell)]
     first: dict[frozenset[frozenset[int]], int] = {}
     for number, own in enumerate(by_shell(faces, shell)):
         same = first.setdefault(frozenset(map(frozenset, own)), number)
-        if given[same] != given[number] or corners[same] & corners[number]:
+        if is_inverted[same] != is_inverted[number] or corners[same] & corners[number]:
             result[number] = same
-    if not given[closed].any() or given[closed].all():
+    if not is_inverted[closed].any() or is_inverted[closed].all():
         return np.asarray(result[shell])
-    pairs = nested(points, outwards, shell, given)
+    pairs = nested(points, outwards, shell, is_inverted)
     for inner, outer in sorted(pairs, key=lambda pair: -size[pair[1]]):  # the smallest comes last
         if closed[inner] and closed[outer] and result[inner] != result[outer]:
             result[inner] = result[outer]

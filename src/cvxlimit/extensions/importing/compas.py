@@ -1,6 +1,6 @@
 """COMPAS assemblies, as objects or in JSON: compas_assembly, compas_cra, compas_dem, compas_model.
 
-What follows is of files, which are read as plain data.
+The rest of this text is about files, which are read as plain data.
 
 An assembly is a graph whose nodes carry blocks; a block model is a list of elements with
 materials. Layers named ``data`` (COMPAS 2) or ``value`` (COMPAS 1) wrap every object. COMPAS 0.x
@@ -30,8 +30,8 @@ _DEEPEST = 12
 
 
 def bodies_of(model: Any) -> list[Body]:
-    """Of a model its elements, placed and cut by COMPAS, under their numbers in its graph; of an
-    assembly or meshes what a file of them would hold."""
+    """The elements of a model, placed and cut by COMPAS, named by their numbers in its graph; for
+    an assembly or meshes, what a file of them would hold."""
     if isinstance(model, (list, tuple)):
         return _listed(model, bodies_of)
     if not hasattr(model, "elements"):
@@ -138,8 +138,7 @@ def _of_assembly(nodes: Mapping[str, Any]) -> list[Body]:
 
 
 def _of_network(content: Mapping[str, Any]) -> list[Body]:
-    """Reads a network as COMPAS 0.x writes it; its networks call nodes vertices, in some
-    versions."""
+    """Reads a network as COMPAS 0.x writes it; some versions call its nodes vertices."""
     network = mapping(content["assembly"], "the assembly")
     nodes = mapping(network.get("node") or network.get("vertex") or {}, "nodes of the assembly")
     blocks = mapping(content["blocks"], "blocks of the assembly")

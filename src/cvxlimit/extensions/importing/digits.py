@@ -25,24 +25,22 @@ from cvxlimit.scene import Scene
 
 NOISIEST = 5.0
 """Times the usual joint tolerance, up to which a measured one is taken unasked: a twentieth of a
-stone's thickness, which is less than any stone is wide, so that none is joined to the next but
+stone's thickness, which is less than any stone is wide, so that no stone is joined to the next but
 one."""
 
-
 WORTH_A_WORD = 2e-4
-"""Share of a stone's size: steps as large move a load factor by a thousandth or two, as much as
-width over height of a stone that is twice as high as wide."""
+"""Share of a stone's size: steps as large change width over height of a stone twice as high as wide
+by up to a thousandth, and with it the load factor at which it overturns."""
 
 
 def too_few_digits(bodies: Sequence[Body], share: float = JOINT_TOLERANCE) -> str:
     """What is wrong with the coordinates, and the cure; empty if nothing is, or if a move to the
     origin would not help.
 
-    They are too coarse if the numbers a file can hold lie farther apart than joints may gape, or
-    than another ``share`` of the blocks' size. The
-    joint tolerance is a share of a block's mean thickness, which bodies not yet checked do not
-    have. Their longest side takes its place: no block is thicker, so that only what is coarser than
-    any tolerance is refused.
+    They are too coarse if the numbers that a file can hold lie farther apart than ``share`` of the
+    blocks' size: by default what joints may gape. The joint tolerance is a share of mean thickness,
+    which bodies not yet checked do not have; their longest side takes its place. No block is
+    thicker, so that only what is coarser than any tolerance is refused.
     """
     filled = [body.vertices for body in bodies if len(body.vertices)]
     sides = np.array([np.ptp(points, axis=0).max() for points in filled])

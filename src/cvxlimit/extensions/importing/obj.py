@@ -1,7 +1,7 @@
 """Wavefront OBJ with every polygon, object and group kept.
 
 A reader of our own: trimesh merges all objects of the files it was tried on into one mesh of
-triangles (with each of its options for objects), meshio keeps polygons and numbers of groups, but
+triangles (with each of its options for objects); meshio keeps polygons and numbers of groups, but
 neither objects nor names. Nothing else of the format matters here, and no other file is opened.
 """
 

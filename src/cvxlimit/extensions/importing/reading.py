@@ -7,7 +7,8 @@
 2. They are brought into the unit asked for, and densities into weights per volume.
 3. Supports are chosen, planes of no thickness become slabs, and bodies become blocks, which are
    checked.
-4. Blocks and loads become a scene. Where faces are warped, as in surveys, joints are as wide.
+4. Blocks and loads become a scene. Where faces are warped, as in surveys, joints may gape by as
+   much.
 
 Messages name the arguments of :func:`import_geometry`; where an argument is a plain word they write
 ``density=G`` or ``supports="lowest"``. ``cvxlimit import`` spells both as its options.
@@ -45,8 +46,8 @@ from cvxlimit.scene.doubts import unit_in_doubt
 from cvxlimit.scene.units import KILONEWTONS, G
 
 READERS: Mapping[str, Callable[[Path, list[str]], list[Body]]] = Door("cvxlimit.readers")
-"""Reader by suffix, of a file and the notes on what it leaves out; those of other distributions
-among them."""
+"""Readers by suffix, each called with a file and the list of notes on what is left out; other
+distributions may add theirs."""
 
 AXES = ("x", "y", "z")
 
@@ -126,7 +127,7 @@ def import_geometry(
     length_unit : str
         Unit of the files' coordinates, for example "m".
     up : "x", "y" or "z"
-        Axis that points up: the dead load is the own weight against it. Nothing is turned.
+        Axis that points up: the dead load is self-weight, downwards. Nothing is turned.
     friction : float
         Coulomb coefficient of all contacts.
     live : (3,) or Load
@@ -139,9 +140,9 @@ def import_geometry(
         densities are used (kg/m3 to kN/m3: 0.00981).
     supports : "lowest", ids, or None
         Fixed blocks: the lowest ones (within 1 % of the height), those named, or, with None, those
-        that the files mark. Ground may be a plane of no thickness, a face or several in one plane:
-        it can only be a support, and is one with None where no file marks any, and with "lowest"
-        where it is lowest, without the stones that stand on it.
+        that the files mark. Ground may be a plane of no thickness: one face or several in one
+        plane. It can only be a support. With None it is one if no file marks any; with "lowest" if
+        it is lowest, and then the stones on it are not.
     force_unit : str
     joint_tolerance : float or None
         See :class:`~cvxlimit.scene.Scene`.
@@ -345,8 +346,8 @@ def _check_coordinates(bodies: Sequence[Body]) -> None:
 
 
 def _converted(bodies: list[Body], given: str, asked: str | None, notes: list[str]) -> list[Body]:
-    """The bodies in the unit that is asked for; noted is each unit that a file states and that is
-    not the one given."""
+    """The bodies in the unit asked for; a note for each unit that a file states and that is not the
+    one given."""
     units = Counter(body.unit for body in bodies if body.unit not in (None, given))
     notes += [
         f"the unit of {number} block{'s' * (number > 1)} is {unit} in the file, and {given} is "
@@ -419,7 +420,7 @@ def unstated(
 
 @contextmanager
 def _blamed_on(blurred: str) -> Iterator[None]:
-    """Lead a refusal by what is wrong with the numbers of the files, if anything is."""
+    """Begin a refusal with what is wrong with the numbers of the files, if anything is."""
     try:
         yield
     except InputError as error:
@@ -467,8 +468,8 @@ def _strange_density(scene: Scene) -> list[str]:
 
 
 def _strange_stones(scene: Scene) -> list[str]:
-    """A question each where the largest or smallest free block has a size that few stones have; of
-    what none has, the scene says so itself."""
+    """A question each if the largest or smallest free block has a size that few stones have; sizes
+    that no stone has are told by the scene itself."""
     free = [scene.blocks[i] for i in scene.free]
     metres = METRES.get(scene.units.length)
     if metres is None or any("are coordinates in" in said for said in scene.doubts):

@@ -60,7 +60,7 @@ class State:
     (C, P), and which of them slide or yield.
 
     ``elastic`` (C, s, P) is the slip but for its plastic part, ``along`` its direction, turned
-    round, and ``share`` (C, P) the limit over the shear without one.
+    round, and ``scale`` (C, P) the limit over the shear without one.
     """
 
     gap: FloatArray
@@ -68,7 +68,7 @@ class State:
     elastic: FloatArray
     T: FloatArray
     along: FloatArray
-    share: FloatArray
+    scale: FloatArray
     limit: FloatArray
     slides: BoolArray
     yields: BoolArray
@@ -84,6 +84,27 @@ class Joints:
         That of a planar scene, whose blocks then move in three ways.
     ratio : float
         Shear stiffness over normal stiffness.
+
+    Attributes
+    ----------
+    at, share : array (C, P, 2), in a plane (C, P, 1); array (C, P)
+        Places of points on their joint, and their parts of its area: 0 where there is no point.
+    kn, ks, softness : arrays (C, P)
+        Stiffness, and 1 / kn: 0 where there is no point.
+    mu, cohesion, low, high : arrays (C, P)
+        Friction, cohesion, and the least and largest N; finite above where stone crushes.
+    crushes, draws : boolean arrays (C, P)
+        Points with a largest N, and with a least one below zero.
+    ends : array (C, 2)
+        Numbers of a joint's two blocks among the free ones; -1 for a support.
+    G, B : arrays
+        See above.
+    turn : array (6, 3)
+        The three motions in the plane of a planar scene.
+    dead, live : arrays
+        Loads, one number for each way in which a free block moves.
+    size, force : float
+        Units of length and force.
     """
 
     def __init__(self, scene: Scene, plane: Plane | None, ratio: float) -> None:
@@ -247,7 +268,7 @@ class Joints:
         size = np.maximum(np.sqrt((elastic**2).sum(axis=1)), 1e-200)
         mu, ks = self.mu, self.ks
         slides = ks * size > mu * np.maximum(-self.kn * gap, 0.0)
-        # slip and compression share what is in excess by their softness, 1 / ks and 1 / kn
+        # sliding by l: N = kn (mu l - g) and mu N = ks (s - l), so N = c (mu s - g) with c below
         c = np.where(slides, self.kn / (1.0 + mu**2 / self.ratio), self.kn)
         pressed = c * (np.where(slides, mu * size, 0.0) - gap)
         N = np.clip(pressed, self.low, self.high)
@@ -302,7 +323,7 @@ class Joints:
         B = self.B.reshape(n, s + 1, -1, m)
         kN = np.where(state.yields, 0.0, self.kn)
         e, slides = state.along, state.slides
-        f = self.ks * np.where(slides, state.share, 1.0)
+        f = self.ks * np.where(slides, state.scale, 1.0)
         changed = np.empty_like(B)
         changed[:, s] = kN[:, :, None] * B[:, s]
         g = np.where(slides, f, 0.0)
@@ -340,6 +361,7 @@ class Pattern:
         both = ends[(ends >= 0).all(axis=1)]
         links = np.concatenate([both, both[:, ::-1]])
         graph = sp.coo_array((np.ones(len(links)), links.T), shape=(count, count)).tocsr()
+        # Blocks in the order of elimination, and the row of every motion in it: supports have none.
         order = elimination_order(sp.csr_array(graph + sp.eye_array(count)))
         rank = np.argsort(order)
         self.size, self.ways = ways * count, ways
@@ -350,6 +372,7 @@ class Pattern:
         dof = np.where(self.has, dof.reshape(len(ends), -1), 0)
         kept = self.has[:, :, None] & self.has[:, None, :]
         self.kept = np.flatnonzero(kept.ravel())
+        # Compressed columns, and where in them each entry of a joint's matrix is added.
         row = np.broadcast_to(dof[:, :, None], kept.shape)[kept]
         column = np.broadcast_to(dof[:, None, :], kept.shape)[kept]
         key = column.astype(np.int64) * self.size + row
@@ -361,6 +384,7 @@ class Pattern:
         columns = unique // self.size
         self.indptr = np.searchsorted(columns, np.arange(self.size + 1)).astype(np.int32)
         self.is_lower = self.indices >= columns
+        # The same motions in the order of the blocks, as displacements and loads have it.
         natural = ways * np.maximum(ends, 0)[:, :, None] + np.arange(ways)
         self.dof = np.where(self.has, natural.reshape(len(ends), -1), 0)
         self.own = self.dof[self.has]
@@ -400,7 +424,9 @@ class Pattern:
         return lu.solve
 
     def gathered(self, d: FloatArray) -> FloatArray:
+        """Displacements (C, 2 q) of the two blocks of each joint; zero for supports."""
         return np.where(self.has, d[self.dof], 0.0)
 
     def added(self, v: FloatArray) -> FloatArray:
+        """Sums of (C, 2 q) over joints, one number for each way in which a free block moves."""
         return np.bincount(self.own, v[self.has], self.size).astype(float)

@@ -125,9 +125,8 @@ class Certified(Method):
         proof = _Proof(self, run)
         status = yield from proof.steps()
         if status is Status.DEAD_LOAD_UNSTABLE:
-            dead_load_falls(
-                run.auxiliary_run()
-            )  # which refuses a load that a part of the live one holds
+            # Refuses a dead load that stands with a part of the live one.
+            dead_load_falls(run.auxiliary_run())
         elif proof.is_standing_open:
             run.remarks.append(_OPEN)
         return status
@@ -378,7 +377,8 @@ class _Proof:
         return False
 
     def _needs_live_load(self) -> bool:
-        """True if branch and bound proves that none of the live load reversed can be carried."""
+        """True if branch and bound proves that the dead load needs some of the live load: largest
+        factors of the reversed load are below zero."""
         run, statics = self.run, self.run.assemblage.statics
         back = run.auxiliary_run(run.assemblage.under(statics.dead, -statics.live))
         outer = UpperBound(back)

@@ -3,8 +3,8 @@
 At each w blocks are in equilibrium near where they were before (:mod:`.resting`), at the load
 factor that is its multiplier. From one configuration to the next
 
-1. w goes on by a step, which is halved where no equilibrium is found, down to ``FINEST`` of itself:
-   there the path ends, since the structure falls or cannot move on;
+1. w goes on by a step, which is halved where no equilibrium is found, down to ``FINEST`` of the
+   longest: there the path ends, since the structure falls or cannot move on;
 2. a jump on the way is noticed where something came apart, where blocks moved much farther than at
    the pace before, or where the dead load has not gained the work that the load factors stand for;
    it is enclosed by halvings of w, and both its ends belong to the path;
@@ -37,14 +37,35 @@ from cvxlimit.scene import Scene
 from cvxlimit.scene.settling import SupportMotion
 from cvxlimit.solution.bracket import Bracket
 
-FINEST, _STEPS, MOST = 1e-3, 8, 400
-"""Share of the first step without an equilibrium nearer than which the structure falls; steps to
-the load factor asked for, as the last slope has it; configurations of a path."""
+FINEST = 1e-3
+"""Share of the longest step so far without an equilibrium nearer than which the structure falls."""
 
-_AHEAD, JUMP = 1.5, 4.0
-"""Blocks that move so many times as far as at the pace before may have jumped, and where joints
-slide, which change their pace as they like."""
+MOST = 400
+"""Configurations after the first that a path may have."""
 
+_FIRST = 40
+"""Steps over the contact size, where no step is given, with which a path begins."""
+
+_STEPS = 8
+"""Steps to the load factor asked for, as the last slope has it; none is longer than this part of
+the contact size."""
+
+_PAST = 1.5
+"""How far beyond the zero that the slope foresees a step is shortened, over the way to it."""
+
+_AHEAD = 1.5
+"""Blocks that go so many times as far as at the pace before may have jumped, if nothing slides."""
+
+JUMP = 4.0
+"""The same where joints slide, which change their pace as they like; and how many times as fast as
+on the whole way blocks move in a snap."""
+
+_WORK = 0.01
+"""Work that is missing from a step without a jump, over that of the first load factor, at most."""
+
+_HALVINGS, _SPREAD = 4, 0.25
+"""Halvings after which a change that spreads over all sixteenths of a step is told from a jump: the
+sixteenth with most has less than this share of it."""
 
 BEYOND = 1e-4
 """Gap over the contact size up to which points count as closed where nothing is carried: more
@@ -151,7 +172,7 @@ class Walk(Rest):
                 continue
             # No step leads over a zero that the slope so far has on its way.
             if self._may_have_passed(here, there, until) and h > FINEST * self.step:
-                h = min(0.5 * h, _AHEAD * self._left(here, until))
+                h = min(0.5 * h, _PAST * self._way_left(here, until))
                 continue
             # A jump on the way is enclosed, and both its ends belong to the path.
             if self._has_kept_a_jump(here, there, pace):
@@ -198,18 +219,18 @@ class Walk(Rest):
         if self.is_far:
             return "steps", "supports have made a quarter turn, as far as they are followed"
         what = "" if self.motions else f" did not bring the load factor down to {until:g}"
-        return "steps", f"{MOST} configurations{what or ', and the dead load is still carried'}"
+        return "steps", f"{MOST} steps{what or ', and the dead load is still carried'}"
 
     def _first_step(self, step: float | None, marks: FloatArray | None) -> float:
         """Returns the step to begin with: the one given, up to the next mark, and after explicit
         steps as far as these went."""
-        h = self.step = step or self.size / (40.0 * self.loads.pace)
+        h = self.step = step or self.size / (_FIRST * self.loads.pace)
         h = h if marks is None else self._to_next(marks)
         before = self.found[-2:-1]
         is_after = before and before[0].shown.is_followed
         return min(h, self.found[-1].shown.w - before[0].shown.w) if is_after else h
 
-    def _left(self, here: At, until: float) -> float:
+    def _way_left(self, here: At, until: float) -> float:
         """Returns how far w is from where the load factor is ``until``, as the slope up to here has
         it; infinite at first and where it does not fall."""
         if len(self.found) < 2:
@@ -222,12 +243,12 @@ class Walk(Rest):
         """Returns whether the load factor, which was falling, is higher again at the end of a step
         on whose way it should have come down to ``until``."""
         is_up = there.shown.load_factor > max(here.shown.load_factor, until + self.enough(there))
-        return is_up and self._left(here, until) < there.shown.w - here.shown.w
+        return is_up and self._way_left(here, until) < there.shown.w - here.shown.w
 
     def _has_kept_a_jump(self, here: At, there: At, pace: float) -> bool:
-        """Returns whether there is a jump between two configurations. It is kept with what led
-        there, and is a snap if blocks move faster in it than on the whole way: else a contact
-        closed, and the curve goes up."""
+        """Keeps a jump between two configurations, with what led there; returns whether there was
+        one. It is a snap if blocks move ``JUMP`` times as fast in it as on the whole way: else a
+        contact closed, and the curve goes up."""
         if not (self.lost(here, there) or self._may_have_jumped(here, there, pace)):
             return False
         jump = self._jump(here, there)
@@ -327,12 +348,12 @@ class Walk(Rest):
         rise = self.loads.work(here.pose)[0] - self.loads.work(there.pose)[0] + more
         way = self.loads.size * (there.shown.w - here.shown.w) + farther
         area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
-        return abs(rise - area) > 0.01 * way * self.unit
+        return abs(rise - area) > _WORK * way * self.unit
 
     def _jump(self, here: At, there: At) -> list[At] | None:
-        """Returns the last configuration before a jump and the first after it, if there is one, and
-        before them what has led there, if it tells: the half in which more happens is halved again.
-        Smooth changes spread over all sixteenths."""
+        """Returns the last configuration before a jump and the first after it, if there is one,
+        preceded by the configurations that led there, where slips or seats depend on them: the half
+        in which more happens is halved again. Smooth changes spread over all sixteenths."""
 
         def happens(one: At, other: At) -> FloatArray:
             fall = abs(one.shown.load_factor - other.shown.load_factor)
@@ -340,7 +361,7 @@ class Walk(Rest):
 
         low, high, passed = here, there, list[At]()
         whole, halvings = np.maximum(happens(low, high), 1e-300), 0
-        while high.shown.w - low.shown.w > FINEST * self.step or halvings < 4:
+        while high.shown.w - low.shown.w > FINEST * self.step or halvings < _HALVINGS:
             middle = self.settle(low, 0.5 * (low.shown.w + high.shown.w))
             if isinstance(middle, Failed):
                 return None
@@ -348,7 +369,7 @@ class Walk(Rest):
             low, high = (low, middle) if halves[0].sum() > halves[1].sum() else (middle, high)
             passed += [middle] * (low is middle)
             halvings += 1
-            if halvings >= 4 and (happens(low, high) / whole).max() < 0.25:
+            if halvings >= _HALVINGS and (happens(low, high) / whole).max() < _SPREAD:
                 return None
         # Slips and seats count from configurations that the path keeps: it keeps all that led there
         # where these two do not say by themselves what has happened on the way.

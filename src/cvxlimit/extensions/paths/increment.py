@@ -67,7 +67,7 @@ solvers measure it by objectives of 1e-6 at least. A point that should carry not
 over its gap at most, which is what keeps the load factor of a hinge from being exact."""
 
 
-SLACK = 1e-3
+_GOES_ON = 1e-3
 """Share of its push by which a mechanism goes on where forces are to carry all of a load factor: a
 thousandth of the live load's work then weighs against what they lose, which is 1e-9 of it."""
 
@@ -269,14 +269,14 @@ class Near(NamedTuple):
         of_forces, result = program.matrix[: program.zero, : 3 * k].T, []
         for at in self.found.way:
             force, before = (v.reshape(-1, 3) for v in (at.s, at.z))
-            product = float((force * before).sum()) / len(force)
+            mean = float((force * before).sum()) / len(force)
             duals = at.y - self.share * self.found.duals
             opening = (program.cost[: 3 * k] + of_forces @ duals).reshape(3, k).T
-            inside = np.where(is_new, np.sqrt(product), _inside(before)[place])
+            inside = np.where(is_new, np.sqrt(mean), _inside(before)[place])
             opening[:, 0] += np.maximum(inside - _inside(opening), 0.0)
             square = opening[:, 0] ** 2 - (opening[:, 1:] ** 2).sum(axis=1)
             with np.errstate(divide="ignore", invalid="ignore"):  # what is no use is not used
-                central = opening * [1.0, -1.0, -1.0] * (product / square)[:, None]
+                central = opening * [1.0, -1.0, -1.0] * (mean / square)[:, None]
             force = np.where(is_new[:, None], central, force[place])
             x = np.append(force.T.ravel(), at.x[-1])
             result.append(Point(x, duals, opening.ravel(), force.ravel()))
@@ -415,7 +415,7 @@ class Increment:
         slides = np.linalg.norm(moves[:, :2], axis=1)
         gap = moves[:, 2] + self.points.friction * slides
         # its own push makes any load factor as good as another: with a little more the most counts
-        goal = self.goal((1.0 + SLACK) * push, gap, (moves[:, 0], moves[:, 1]))
+        goal = self.goal((1.0 + _GOES_ON) * push, gap, (moves[:, 0], moves[:, 1]))
         most = alpha / self.assemblage.scaling.load_factor(1.0)
 
         def capped(found: Stated) -> Any:
@@ -446,7 +446,7 @@ class Increment:
         return found
 
     def _is_balanced(self, found: Found) -> bool:
-        """Whether forces balance the loads as well as a proof of the configuration asks for."""
+        """Returns whether forces balance the loads as well as a proof asks for."""
         n, *v = (found.forces - np.outer(self.points.least, [1.0, 0.0, 0.0])).T
         forces = np.zeros((len(n), DOF))
         forces[:, :3] = np.stack([*v, n], axis=1)

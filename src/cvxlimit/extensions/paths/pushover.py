@@ -198,6 +198,13 @@ def pushover(
     scene, given = (scene.start, scene.given) if isinstance(scene, Path) else (scene, None)
     check_scene(scene)
     motions = (motion,) if isinstance(motion, SupportMotion) else tuple(motion or ())
+    _check_choices(flow=flow, certify=str(certify), pressures=pressures)
+    _check_sizes(step=step, reach=reach, within=within, stretch=stretch)
+    count(halvings, 0, "halvings")
+    if not is_number(until):
+        raise ModelError(f"until must be a load factor, got {until!r}")
+    if motions or (before and before.motions):
+        not_negative(until, "until, how far supports move,")
     if before is not None:
         if motions and motions != before.motions:
             raise ModelError("a path goes on with its own motions: leave motion out")
@@ -208,10 +215,6 @@ def pushover(
             raise NoAnswerError(
                 f"no path begins at scene {scene.name!r}: {reaction.solution.status}"
             )
-    for name, value in (("flow", flow), ("certify", str(certify)), ("pressures", pressures)):
-        if value not in (None, *_CHOICES[name]):
-            known = ", ".join(_CHOICES[name])
-            raise ModelError(f"{name} must be one of {known}, got {value!r}")
     if pressures is not None and before is not None:
         raise ModelError(
             f"pressures={pressures!r} is for a scene: a path goes on with its own loads"
@@ -222,29 +225,19 @@ def pushover(
         scene, given = guided(scene, motions), scene
     scene, why_not = begun(scene)
     refuse(scene)
-    for name, length in (("step", step), ("reach", reach)):
-        if length is not None:
-            positive(length, name)
-    count(halvings, 0, "halvings")
-    positive(within, "within")
     stretch = (before.stretch if before else 0.0) if stretch is None else stretch
-    not_negative(stretch, "stretch")
-    if not is_number(until):
-        raise ModelError(f"until must be a load factor, got {until!r}")
-    if motions:
-        not_negative(until, "until, how far supports move,")
     # What all runs share: the solution at rest, and notes that hold of any of them.
     initial, refusal = (before.initial, None) if before else (None, None)
     if not before and not motions:
         initial, refusal = _at_rest(scene, why_not)
-    turns = bool(scene.dead.pressures or scene.live.pressures)
-    notes = (
-        [DISPLACED] * (initial is None and not motions)
-        + [MOVED] * bool(motions)
-        + [TURN] * turns
-        + [KEEP] * keeps
-    )
-    notes += [PUSHES] * bool(scene.reactions)
+    may_be_said = {
+        DISPLACED: initial is None and not motions,
+        MOVED: motions,
+        TURN: scene.dead.pressures or scene.live.pressures,
+        KEEP: keeps,
+        PUSHES: scene.reactions,
+    }
+    notes = [note for note, holds in may_be_said.items() if holds]
     reach = reach or REACH * scene.contacts.typical_size
     kind = flow or (before.flow if before else "associated")
     notes += _left_out(Rest(scene, reach, kind, stretch))
@@ -296,6 +289,23 @@ def _halved(
             break
         half = None
     return path
+
+
+def _check_choices(**given: str | None) -> None:
+    """Refuses what is none of its choices, by the name of its argument."""
+    for name, value in given.items():
+        if value not in (None, *_CHOICES[name]):
+            known = ", ".join(_CHOICES[name])
+            raise ModelError(f"{name} must be one of {known}, got {value!r}")
+
+
+def _check_sizes(*, stretch: float | None, **lengths: float | None) -> None:
+    """Refuses lengths that are not positive, and a stretch below zero; None is none."""
+    for name, length in lengths.items():
+        if length is not None:
+            positive(length, name)
+    if stretch is not None:
+        not_negative(stretch, "stretch")
 
 
 def _left_out(rest: Rest) -> list[str]:
