@@ -394,7 +394,7 @@ def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("kind", ["facade", "long", "bridge", "day"])
+@pytest.mark.parametrize("kind", ["facade", "long", "bridge", "day", "from rest"])
 def test_it_prints_on_two_sheets(kind: str, tmp_path: Path) -> None:
     if kind == "facade":
         solution = solve(builtin_scene("facade"))
@@ -402,6 +402,8 @@ def test_it_prints_on_two_sheets(kind: str, tmp_path: Path) -> None:
     elif kind == "bridge":
         solution, found = crossed(8)
         page = solution.report(envelope=found)
+    elif kind == "from rest":
+        page = solve(builtin_scene("tuff-wall"), method="incremental").report()
     elif kind == "day":  # all that a day's work has
         scene = builtin_scene("stack")
         path = pushover(scene)

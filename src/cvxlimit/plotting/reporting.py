@@ -62,7 +62,7 @@ def report(
         ("", _head(stated)),
         ("Result", _table(_result(solution, without_dilatancy), "result")),
         ("", _pictures(scene, falling)),
-        ("From rest", way and _from_rest(solution, way)),
+        ("From rest", way and _from_rest(solution, way, has_room=path is None)),
         ("Structure", _table(structure(scene, stated))),
         ("Loads", _table(loads(scene, solution, stated))),
         ("Joints", _table(joints(scene, stated))),
@@ -138,11 +138,11 @@ def _pictures(scene: Scene, solution: Solution) -> str:
         return f"<p>{_text(f'no pictures: {error}')}</p>"
 
 
-def _from_rest(solution: Solution, way: FromRest) -> str:
-    """Returns how a way from rest ended, its curve, where joints slide and open first, and the
-    distribution of draws, as HTML."""
+def _from_rest(solution: Solution, way: FromRest, has_room: bool) -> str:
+    """Returns how a way from rest ended, its curve, where joints slide and open first (if two
+    sheets have room for it), and the distribution of draws, as HTML."""
     curves = {"curve": "the curve"} if way.steps else {}
-    if way.slipped is not None:
+    if has_room and way.slipped is not None:
         curves["onset"] = "where joints slide or open first"
     if any(trial.load_factor is not None for trial in way.draws):
         curves["bedding"] = "draws of beds that are not true"
