@@ -123,8 +123,8 @@ _ROWS = (
 )  # fmt: skip
 
 SOLVERS = Door("cvxlimit.solvers", {row.name: row for row in _ROWS})
-"""All rows by name, those of the default ladder in its order; extensions and other packages add
-theirs."""
+"""All rows by name, those of the default ladder in its order; extensions add theirs. Rows of other
+packages are found when they are named, and so are not on that ladder."""
 
 
 @dataclass(frozen=True)
