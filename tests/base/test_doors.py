@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib.metadata import distribution, entry_points
+from importlib.metadata import EntryPoint, distribution, entry_points
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ import pytest
 from cvxlimit import builtin_scene, solve
 from cvxlimit.base import doors
 from cvxlimit.base.doors import Door
-from cvxlimit.cli.main import COMMANDS, app, run
+from cvxlimit.cli.main import _LOADED, COMMANDS, app, run
 from cvxlimit.errors import ModelError
 from cvxlimit.io import export
 from cvxlimit.io.exporting import EXPORTS
@@ -29,9 +29,10 @@ GROUPS = ("methods", "surfaces", "readers", "writers", "pictures", "commands")
 def another(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The package of somebody else, as if it were installed, and forgotten afterwards."""
     monkeypatch.syspath_prepend(str(ANOTHER))
-    commands, pictures = [*app.registered_commands], dict(PICTURES)
+    commands, known, pictures = [*app.registered_commands], {*_LOADED}, dict(PICTURES)
     yield
     app.registered_commands[:] = commands
+    _LOADED.intersection_update(known)
     for name in PICTURES.keys() - pictures:
         del PICTURES[name]
     for door in (TABLE, SURFACES, EXPORTS, COMMANDS, PICTURES):
@@ -73,8 +74,26 @@ class TestAnotherPackage:
         assert path.read_bytes().startswith(b"\x89PNG")
 
     def test_a_command(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run(["--help"]) == 0
+        assert "cvxlimit blocks --help" in capsys.readouterr().out
         assert run(["blocks", "tuff-wall"]) == 0
         assert capsys.readouterr().out.strip() == str(len(builtin_scene("tuff-wall").blocks))
+
+    def test_formats_on_the_command_line(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        pytest.importorskip("cvxlimit.extensions.importing")
+        path = str(tmp_path / "stack.boxes")
+        assert run(["export", "stack", "--format", "boxes", "--output", path]) == 0
+        assert run(["solve", path]) == 2
+        assert "this is geometry: cvxlimit import" in capsys.readouterr().err
+
+    def test_what_cannot_be_imported_is_its_authors(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        (entry,) = (e for e in entry_points(group="cvxlimit.methods") if e.name == "dozen")
+        broken = EntryPoint("dozen", "cvxlimit_another:Gone", entry.group)._for(entry.dist)
+        monkeypatch.setattr(doors, "installed", lambda group: {"dozen": broken})
+        with pytest.raises(ModelError, match=r"method 'dozen' of package 'cvxlimit.another' .*ask"):
+            solve(builtin_scene("stack"), method="dozen")
 
 
 def test_names_of_this_package_ask_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:

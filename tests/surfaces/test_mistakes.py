@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
 from cvxlimit import Contacts, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
-from cvxlimit.surfaces import Condition, Conic, Norm, Rocking, Sliding, YieldSurface, coulomb
+from cvxlimit.surfaces import (
+    Condition,
+    Conic,
+    Norm,
+    Rocking,
+    Sliding,
+    TorsionShear,
+    YieldSurface,
+    coulomb,
+)
 
 
 class Forgetful(YieldSurface):
@@ -68,3 +78,28 @@ def test_a_named_surface_is_no_polygon(monkeypatch: pytest.MonkeyPatch) -> None:
         solve(scene, surface="untwisted", method="fixed-point")
     with pytest.raises(ModelError, match=r"'untwisted'.*did you mean 'untwisted'"):
         solve(scene, surface="untwised")
+
+
+class Small(Conic):
+    """The circle, whose polar gauge is a tenth too small."""
+
+    def polar_gauge_of(self, rows):
+        return 0.9 * super().polar_gauge_of(rows)
+
+
+class Narrow(Conic):
+    """The circle, with an unknown that one of its matrices leaves out."""
+
+    def rows_of(self, size):
+        return np.zeros((0, 2 + size)), np.eye(1 + size)
+
+
+@pytest.mark.parametrize(
+    ("cone", "fault"),
+    [(Small(), "polar gauge that is too small"), (Narrow(), "P and Q .* as many columns")],
+)
+def test_cones_on_which_no_bound_can_rest(cone: Conic, fault: str) -> None:
+    """A false polar would prove 0.9 times what a slab carries by friction."""
+    for surface in (cone, [Rocking(), TorsionShear(cone)]):
+        with pytest.raises(ModelError, match=fault):
+            solve(single_block(), surface)

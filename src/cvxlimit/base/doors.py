@@ -79,8 +79,23 @@ class Door(UserDict[str, Any]):
             return self.data[name]
         if name not in self._found:
             entry = installed(self.group).get(name)
-            self._found[name] = None if entry is None else entry.load()
+            self._found[name] = None if entry is None else self._of_another(entry)
         return self._found[name]
+
+    def _of_another(self, entry: Any) -> Any:
+        try:
+            return entry.load()
+        except Exception as error:  # whatever its modules do as they are imported
+            package = "" if entry.dist is None else f" of package {entry.dist.name!r}"
+            raise ModelError(
+                f"{self.kind} {entry.name!r}{package} cannot be imported "
+                f"({type(error).__name__}: {error}): ask its author"
+            ) from error
+
+    @property
+    def kind(self) -> str:
+        """What one of its names is called: "method", for example."""
+        return self.group.removeprefix("cvxlimit.").removesuffix("s")
 
     def __missing__(self, name: str) -> Any:
         if (found := self._offered(name)) is None:
@@ -102,8 +117,7 @@ class Door(UserDict[str, Any]):
         extension = _ABSENT.get((self.group, name))
         if extension is None or name in self:
             return None
-        kind = self.group.removeprefix("cvxlimit.").removesuffix("s")
-        return MissingExtension.of(what or f"{kind} {name!r}", extension)
+        return MissingExtension.of(what or f"{self.kind} {name!r}", extension)
 
     def check(self, name: str, what: str = "") -> None:
         """Raises what :meth:`missing` says, if anything."""

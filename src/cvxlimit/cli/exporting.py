@@ -49,7 +49,7 @@ class ExportCommand(Command):
     def run(self) -> ExitCode:
         form = self.format.lower()
         EXPORTS.check(f".{form}")
-        check_choice("--format", form, [kind[1:] for kind in EXPORTS])
+        check_choice("--format", form, [kind[1:] for kind in EXPORTS.names])
         scene = scene_named(self.scene)
         path = self.output or Path(f"{Path(scene.name).name}.{form}")
         check_outputs([("--output", path, (f".{form}",))], scene_file(self.scene))

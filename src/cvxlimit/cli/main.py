@@ -148,6 +148,9 @@ def run(arguments: Sequence[str], when_imported: Callable[[], object] = lambda: 
 def parsed(arguments: Sequence[str]) -> Any:
     """The work that arguments ask for, not done yet; Typer's errors are raised."""
     name = arguments[0]
+    if name in ("--help", "-h"):
+        for other in {*COMMANDS.names}.difference(_known()):
+            app.command(other, help=f"Of another package: cvxlimit {other} --help.")(lambda: None)
     if not name.startswith("-") and name not in _LOADED:
         COMMANDS.check(name)
         if name in COMMANDS:

@@ -54,8 +54,8 @@ def scene_named(name: str) -> Scene:
         readers, suffix = Door("cvxlimit.readers"), Path(name).suffix.lower()
         if suffix != ".json" and os.path.isfile(name):
             readers.check(suffix, f"{name}: geometry in {suffix} files")
-        if suffix in {*readers} - {".json"} and os.path.isfile(name):
-            raise InputError(f"{name}: this is geometry: cvxlimit import makes a scene of it")
+            if suffix in readers:
+                raise InputError(f"{name}: this is geometry: cvxlimit import makes a scene of it")
         return read_scene(name)
     cure = meant(name, BUILTIN, "cvxlimit scenes lists the built-in ones")
     raise InputError(f"there is no built-in scene and no file {name!r}; {cure}")

@@ -53,7 +53,7 @@ from cvxlimit.model.sinks import Rows, stacked
 from cvxlimit.solvers import settings_for
 from cvxlimit.solvers.running import Flows
 from cvxlimit.surfaces.base import CONSTANT, LinearForm, YieldSurface, number
-from cvxlimit.surfaces.cones import Cone, Sink
+from cvxlimit.surfaces.cones import Cone, Sink, refuse_false_polar
 from cvxlimit.surfaces.coulomb import Bounds, with_bounds
 from cvxlimit.surfaces.exact_torsion import Edges
 
@@ -169,6 +169,8 @@ class ConditionRows:
         of_norms = map(np.arange(self.norms.size).__getitem__, self.norms.slices)
         for (_, condition, cone), at in zip(stated, self.resistance.slices, strict=True):
             by_norm = [np.stack([*islice(of_norms, len(n.rows))]) for n in condition.norms]
+            for norm in by_norm:
+                refuse_false_polar(cone, len(norm))
             self.conditions.append((cone, at, by_norm))
 
     def excess(self, state: FloatArray) -> FloatArray:

@@ -89,7 +89,21 @@ def reading_of(name: str) -> Moments | None:
 
 
 def parse_moments(moments: str | Moments) -> Moments:
-    if isinstance(moments, Moments):
-        return moments
-    check_choice("moments", moments, MOMENTS)
-    return MOMENTS[moments]
+    """The reading that is asked for. Raises ModelError for torques other than a lever's, which
+    bounds would not know, and for names by which files would take a reading for one of these."""
+    if not isinstance(moments, Moments):
+        check_choice("moments", moments, MOMENTS)
+        return MOMENTS[moments]
+    kind, known = type(moments), reading_of(moments.name)
+    if known is not None and type(known) is not kind:
+        raise ModelError(
+            f"moments {moments.name!r} have the name of a reading of this package, for which files "
+            "would take them: give them another name"
+        )
+    is_lever = isinstance(moments, TiedMoments) and kind.torque is TiedMoments.torque
+    if known is None and not (is_lever and kind.excess is Moments.excess):
+        raise ModelError(
+            f"moments {moments.name!r} have a torque of their own, which upper bounds do not know: "
+            "derive them from TiedMoments and state a lever"
+        )
+    return moments

@@ -18,6 +18,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -84,7 +85,15 @@ class Cone(ABC):
 
     def rows(self, size: int) -> tuple[FloatArray, FloatArray]:
         """P and Q of the epigraph of vectors of so many components: columns t, v, and any w."""
-        return (_BETWEEN, np.zeros((0, 2))) if size == 1 else self.rows_of(size)
+        if size == 1:
+            return _BETWEEN, np.zeros((0, 2))
+        linear, second_order = self.rows_of(size)
+        if linear.shape[1] != second_order.shape[1] or linear.shape[1] <= size:
+            raise ModelError(
+                f"P and Q of cone {str(self)!r} must have as many columns, {1 + size} at least for "
+                f"t and {size} components, got {linear.shape} and {second_order.shape}"
+            )
+        return linear, second_order
 
     def epigraph(self, into: Sink, bound: Any, rows: Sequence[Any]) -> tuple[list[Any], list[Any]]:
         """State ``gauge(rows) <= bound``; returns by what the duals of P and of Q are asked for."""
@@ -128,6 +137,29 @@ class Cone(ABC):
     @abstractmethod
     def rows_of(self, size: int) -> tuple[FloatArray, FloatArray]:
         """P and Q for vectors of so many components."""
+
+
+def refuse_false_polar(cone: Cone, size: int) -> None:
+    """Raises ModelError for a polar gauge that is too small on some vectors of so many components,
+    of a hundred that are tried: upper bounds rest on it, and would be false."""
+    try:
+        _tried(cone, size)
+    except TypeError:  # it has no hash by which it would be known again
+        _tried.__wrapped__(cone, size)
+
+
+@cache
+def _tried(cone: Cone, size: int) -> None:
+    v, r = np.random.default_rng(0).normal(size=(2, size, 100))
+    power, bound = v.T @ r, np.outer(cone.gauge(v), cone.polar_gauge(r))
+    is_false = ~(power <= bound * (1.0 + 1e-9))
+    if is_false.any():
+        i, j = np.argwhere(is_false)[0]
+        raise ModelError(
+            f"cone {str(cone)!r} has a polar gauge that is too small, so that upper bounds would "
+            f"be false: v . r is {power[i, j]:.6g} and gauge(v) polar_gauge(r) is "
+            f"{bound[i, j]:.6g} at v = {v[:, i].round(4).tolist()}, r = {r[:, j].round(4).tolist()}"
+        )
 
 
 _BETWEEN = np.array([[1.0, -1.0], [1.0, 1.0]])

@@ -11,6 +11,7 @@ from cvxlimit.errors import ModelError
 from cvxlimit.extensions.interaction.certified import Certified
 from cvxlimit.masonry import random_wall
 from cvxlimit.readings.moments import Moments, TiedMoments
+from cvxlimit.readings.pressure import Pressure
 
 FloatArray = NDArray[np.float64]
 
@@ -85,6 +86,49 @@ def test_a_lever_of_another_kind_is_refused(moments: TiedMoments) -> None:
     """Bounds would not hold: convexity within quadrants is what they rest on."""
     with pytest.raises(ModelError, match=rf"lever of moments '{moments}' must be linear"):
         solve(random_wall(30), method="certified", moments=moments)
+
+
+class Apart(Moments):
+    """Both products on their own, one with a sign: no lever's torque."""
+
+    name = "apart"
+
+    def lever(self, e: FloatArray) -> FloatArray:
+        return e
+
+    def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
+        v1, v2, mt = forces[:, 0], forces[:, 1], forces[:, 5]
+        return np.abs(mt - at.centre[:, 0] * v2) + np.abs(at.centre[:, 1] * v1)
+
+
+class Turned(Mine):
+    """A lever with a torque of its own beside it."""
+
+    name = "turned"
+    torque = Apart.torque
+
+
+class Signed(Halfway):
+    """Another lever by the name of a reading of the package."""
+
+    name = "signed"
+
+
+@pytest.mark.parametrize(
+    ("moments", "fault"),
+    [
+        (Apart(), "'apart' have a torque of their own"),
+        (Turned(), "'turned' have a torque of their own"),
+        (Signed(), "'signed' have the name of a reading of this package"),
+    ],
+)
+def test_what_bounds_or_files_would_take_for_another_is_refused(
+    moments: Moments, fault: str
+) -> None:
+    """Upper bounds know levers only: with other torques they excluded what single blocks carry."""
+    for method in ("certified", "fixed-point"):
+        with pytest.raises(ModelError, match=fault):
+            solve(random_wall(30), method=method, moments=moments)  # type: ignore[arg-type]
 
 
 def plus(live: tuple[float, ...]) -> Scene:
