@@ -57,9 +57,7 @@ class ClimbSettings:
     # Share by which pressure centres are moved towards the middle of contacts after each failure of
     # a safe step.
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)
-    # Prices of slack, scaled, of successive steps to forces that carry a load alone; None is a safe
-    # step. At the last price little slack is left.
-    prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, 1000.0, 1000.0, None)
+    carrying: int = 2  # Steps to forces that carry a load alone.
 
     # Boxes.
     first: float = 0.8  # Half width at first.

@@ -13,13 +13,11 @@ from itertools import islice
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
-from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.extensions.interaction.restriction.problems import InnerIterate, SafeProblems
 from cvxlimit.extensions.interaction.settings import BRACKET, CLIMB, PROOF
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.extensions.interaction.states.majorants import Point
 from cvxlimit.extensions.interaction.states.states import states_of
-from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import centres
@@ -118,24 +116,6 @@ class InnerMethod(SafeProblems):
         than :meth:`iterates`, and on irregular walls often higher."""
         schedule = CLIMB.others if self.has_others else ()
         return self._search("boxes", self._narrowed(start, *schedule))
-
-    def from_stricter_reading(self, stricter: Moments) -> Iterator[InnerIterate]:
-        run = self.run
-        self.begin(f"{stricter} relaxation")
-        whole = whole_boxes(run.contacts)
-        relaxed = self.relaxed("hull", states_of(stricter).box_disjuncts(run.contacts, whole))
-        yield relaxed
-        near = relaxed.state.forces
-        if near is None or relaxed.load_factor <= run.best.bracket.lower:
-            return
-        other = InnerMethod(run, self.max_iterations, self.gain, self.reductions, stricter)
-        auxiliary = run.auxiliary_run()
-        auxiliary.moments = stricter
-        outer = UpperBound(auxiliary, other.half)
-        outer.search(BRACKET.outer, (*self.leading, *self.tight))
-        near = outer.state.forces if outer.state else near
-        for start in other.starts:
-            yield from other.begun(start, near)
 
     def _search(self, start: str, way: Iterator[InnerIterate]) -> Iterator[InnerIterate]:
         self._mark = self.begin(start)

@@ -35,7 +35,6 @@ from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.extensions.interaction.states.majorants import Point
 from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.methods.driver import Run, Solver
-from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import Pressure, half_extent
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution.bracket import known
@@ -83,8 +82,6 @@ class SafeProblems:
         Smallest gain that counts, as a share of the load factor.
     reductions : Reductions or None
         Where they have a mirror plane, steps stay among symmetric states.
-    moments : Moments or None
-        A stricter reading for the problems; None takes the run's.
     """
 
     def __init__(
@@ -93,9 +90,8 @@ class SafeProblems:
         max_iterations: int = 24,
         gain: float = 1e-4,
         reductions: Reductions | None = None,
-        moments: Moments | None = None,
     ) -> None:
-        self.run, self.moments, self.contacts = run, moments or run.moments, run.contacts
+        self.run, self.moments, self.contacts = run, run.moments, run.contacts
         self.max_iterations, self.gain, self.reductions = max_iterations, gain, reductions
         self.start = "middle"
         # Ladders: for problems that only lead the way, for steps that start from the last one, and
