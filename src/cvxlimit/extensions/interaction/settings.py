@@ -136,6 +136,9 @@ class BracketSettings:
     # The relaxation of the whole run, to which disjuncts are added round by round.
     # Share of the tolerance by which a contact's new disjuncts must raise the bound, of nodes too.
     worth_a_disjunct: float = 0.1
+    # Disjuncts are added at the worst place and this far beside it: in round 2 the square of this
+    # distance, and so on.
+    beside: float = 0.2
     most_rounds: int = 12  # Solves with added disjuncts at most.
     # When ``budget`` is spent, a first lower bound is sought before further disjuncts are added, if
     # the relaxation's load factor is below the upper bound by this share of it or less.

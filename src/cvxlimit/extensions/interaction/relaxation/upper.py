@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cvxlimit.base.arrays import ROUNDING, FloatArray
+from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 from cvxlimit.extensions.interaction.flow import InteractionFlow
 from cvxlimit.extensions.interaction.halves import SymmetricHalf
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem, HullState
@@ -27,9 +27,14 @@ from cvxlimit.surfaces import Rocking
 
 
 def priced_disjuncts(
-    flow: InteractionFlow, certifier: Certifier, mechanism: FloatArray, worth: float
+    flow: InteractionFlow,
+    certifier: Certifier,
+    mechanism: FloatArray,
+    worth: float,
+    beside: float = 0.0,
 ) -> Disjuncts:
-    """Disjuncts at the worst pressure centres of contacts that open too little.
+    """Disjuncts at the worst pressure centres of contacts that open too little, ``beside`` them
+    too.
 
     ``certifier`` opens the mechanism u by t u0 with t = missing / spare, which raises the bound
     by t times the rate -(f_D + alpha f_L) . u0; contacts count that raise it by ``worth``.
@@ -46,9 +51,21 @@ def priced_disjuncts(
         price = abs(float((statics.dead + bound * statics.live) @ field.ravel()))
         chosen &= missing * price > worth * -flow.opened(statics.relative_rates(field)).missing
     rows = np.flatnonzero(chosen)
-    return states_of(flow.moments).disjuncts_at(
-        flow.contacts, rows, centre[rows], flow.boxes, arm[rows]
-    )
+
+    def at(rows: IntArray, place: FloatArray) -> Disjuncts:
+        return states_of(flow.moments).disjuncts_at(
+            flow.contacts, rows, place, flow.boxes, arm[rows]
+        )
+
+    result = at(rows, centre[rows])
+    if beside > 0.0:
+        size = np.abs(centre[rows])
+        ends = (size <= 0.0) | (size >= 1.0)
+        inner = ~ends.all(axis=1) & flow.contacts.is_rectangle[rows]
+        for step in (-beside, beside):
+            moved = np.clip(size + np.where(ends, 0.0, step), 0.0, 1.0)
+            result = result.joined(at(rows[inner], np.copysign(moved, centre[rows])[inner]))
+    return result
 
 
 class UpperBound:
@@ -68,7 +85,7 @@ class UpperBound:
                 states_of(run.moments).box_disjuncts(run.contacts)
             )
         self.state: LimitState | None = None
-        self.claims_no_optimum = False
+        self._beside, self.claims_no_optimum = BRACKET.beside, False
 
     def search(self, tolerance: float, ladder: Sequence[SolverSettings]) -> None:
         for _ in self.rounds(tolerance, ladder):
@@ -108,9 +125,10 @@ class UpperBound:
             bound = self.certifier.certificate(state.forces, None, state.mechanism)
             run.best = run.best.lowered(bound.upper, bound.upper_is_proved, state.mechanism)
             worth = BRACKET.worth_a_disjunct * tolerance * self._unit
-            new = priced_disjuncts(self.flow, self.certifier, state.mechanism, worth)
+            new = priced_disjuncts(self.flow, self.certifier, state.mechanism, worth, self._beside)
         run.note(state, settings, **run.bounds, flow_violation=known(bound.flow_violation))
         self.pieces += self.problem.column_blocks(new)
+        self._beside *= BRACKET.beside
         return len(new) > 0
 
     @property
