@@ -58,6 +58,12 @@ class Moments(ABC):
         then go on by boxes of centres, which were better on all built-in panels, else by steps."""
         return self.slopes is not None and bool((self.slopes == 1.0).all())
 
+    @property
+    def stricter(self) -> tuple[Moments, ...]:
+        """Readings whose admissible forces are all admissible here too: every sign on its own
+        bounds any other choice of signs."""
+        return () if self is INDEPENDENT else (INDEPENDENT,)
+
     @abstractmethod
     def torque(self, forces: FloatArray, at: Pressure) -> FloatArray:
         """Left side of Eq. 30 (n,), for forces (n, 6) that press ``at`` some centre."""

@@ -12,10 +12,13 @@ from scipy.spatial.transform import Rotation
 from cvxlimit import Block, Load, Scene, Solution, Units, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.interaction.certified import Certified
+from cvxlimit.extensions.interaction.restriction.inner import InnerMethod
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.geometry.polygons import mean_distance
 from cvxlimit.masonry import random_wall
+from cvxlimit.methods.driver import Run
 from cvxlimit.model.statics import Statics
+from cvxlimit.readings.moments import INDEPENDENT, SIGNED
 from cvxlimit.solution import Status
 from determinate import arm_at
 from exhaustive import mostly_slow, slow
@@ -428,6 +431,19 @@ def test_signed_moments_carry_what_independent_signs_carry(seed: int) -> None:
     assert interaction_excess(signed.forces, scene.contacts, "signed").max() <= (
         1e-7 * scene.total_weight
     )
+
+
+@pytest.mark.exhaustive
+def test_borrowed_forces_are_admissible_and_as_good() -> None:
+    """Without any bound of its own, signed moments have that of independent signs."""
+    scene = random_wall(1)
+    own = solve(scene, method=Certified(branching_seconds=0.0)).bracket.lower
+    run = Run(scene, moments=SIGNED)
+    for _ in InnerMethod(run).from_stricter_reading(INDEPENDENT):
+        pass
+    assert run.best.bracket.lower >= own * (1.0 - 1e-4)
+    excess = interaction_excess(run.best.forces, scene.contacts, "signed")
+    assert excess.max() <= 1e-7 * scene.total_weight
 
 
 def test_corrupted_forces_fail_the_proof() -> None:

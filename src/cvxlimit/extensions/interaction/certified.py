@@ -171,7 +171,9 @@ class _Proof:
         is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
         if (is_boundless or outer.claims_no_optimum) and self._is_unbounded():
             return judged(run, is_plain=False)
-        if run.best.mechanism is not None:
+        if run.best.mechanism is None:
+            yield from self._borrow()
+        else:
             yield from self._bound_from_below(outer)
             self._stand()
             yield from self._branch(outer)
@@ -252,19 +254,27 @@ class _Proof:
         return self.run.history[self._first_relaxation].seconds
 
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
-        """Climbs from each start in turn."""
+        """Climbs from each start in turn, then under stricter readings of the moments."""
         run, state = self.run, outer.state
         for number, name in enumerate(self.climbs.starts):
             if number > 0 and self._is_within(BRACKET.narrow):
                 break
             relaxed = state.forces if state else None
             yield from self._until_met(self.climbs.begun(name, relaxed))
+        yield from self._borrow()
         run.remarks = run.remarks or ["no further progress from these starts"]
 
     @cached_property
     def climbs(self) -> InnerMethod:
         """The searches for a lower bound, whose problems are compiled when first asked for."""
         return InnerMethod(self.run, self.settings.solves, reductions=self.found)
+
+    def _borrow(self) -> Iterator[None]:
+        """Climbs under stricter readings, whose forces are admissible here as well, while the
+        bracket is wide."""
+        for stricter in self.run.moments.stricter:
+            if not self._is_within(BRACKET.outer):
+                yield from self._until_met(self.climbs.from_stricter_reading(stricter))
 
     def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
         """Goes through iterates, each of which books its bounds, until the tolerance is met."""

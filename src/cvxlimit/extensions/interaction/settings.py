@@ -54,8 +54,10 @@ class ClimbSettings:
     """
 
     # Steps.
-    # Share by which pressure centres are moved towards the middle of contacts after each failure of
-    # a safe step.
+    # Share by which the relaxation's pressure centres are moved towards the middle of contacts
+    # before steps begin there: relaxations press on the rims.
+    inward: float = 0.05
+    # The same share after each failure of a safe step.
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)
     carrying: int = 2  # Steps to forces that carry a load alone.
 
@@ -127,6 +129,8 @@ class BranchSettings:
     # widest of the node's ranges.
     safe_reach: float = 0.02
     settled: int = 8  # Frozen problems in a row at most.
+    steps: int = 16  # Places checked on the way from one force state to another, ...
+    halvings: int = 25  # ... and halvings of the last step, behind the last admissible place.
 
 
 @dataclass(frozen=True)

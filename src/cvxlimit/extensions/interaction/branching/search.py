@@ -7,7 +7,8 @@ bound of the load factor. One step of the search has four stages:
    (:mod:`~cvxlimit.extensions.interaction.branching.nodes`). A child is closed where its bound is
    within the tolerance of the lower bound.
 2. *settle*: pressure centres are held where the best child's forces have them. Interaction is
-   convex there, so that the limit problem has forces that are safe.
+   convex there, so that the limit problem has forces that are safe; a line search goes on from
+   them, and from the best forces so far, towards those of the child.
 3. *climb*: now and then a search for a lower bound starts at the forces of any open node.
 4. *book*: both bounds go to the run. Lower ones are of forces that the checker accepts.
 
@@ -290,24 +291,32 @@ class BranchAndBound:
             run.note(state, f"branch and bound, {self.solves} problems", **run.bounds)
 
     def _settle_at(self, node: Node) -> None:
-        """Seeks admissible forces near a node's: safe ones about its pressure centres. As boxes
-        shrink their load factor tends to the node's bound."""
-        if node.forces is not None and np.isfinite(node.forces).all():
-            self._settle(node.forces, BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max()))
+        """Seeks admissible forces near a node's: on the lines there from safe forces about its
+        pressure centres, and from the best forces so far. As boxes shrink their load factor tends
+        to the node's bound."""
+        if node.forces is None or not np.isfinite(node.forces).all():
+            return
+        reach = BRANCH.safe_reach * float(np.ptp(node.boxes, axis=2).max())
+        safe = self._settle(node.forces, reach)
+        target = self.checker.balanced(node.forces, node.load_factor), node.load_factor
+        best = None if self.forces is None else (self.forces, self.lower)
+        for start in filter(None, (safe, best)):
+            self._keep(self._advanced(start, target))
 
-    def _settle(self, forces: FloatArray, reach: float = 0.0) -> None:
-        """Keeps the best safe forces about the pressure centres of given ones, then about their own
-        centres, as long as that gains. Safe forces stay safe where their own eccentricities are
-        frozen, so that no step loses."""
-        best = -np.inf
+    def _settle(self, forces: FloatArray, reach: float = 0.0) -> _State | None:
+        """Returns the best safe forces about the pressure centres of given ones, then about their
+        own centres, as long as that gains; None if there are none. Safe forces stay safe where
+        their own eccentricities are frozen, so that no step loses."""
+        best: _State | None = None
         for _ in range(BRANCH.settled):
             if not self._has_time:
                 break
             safe = self._safe(centres(forces, self.run.contacts), reach)
-            if safe is None or safe[1] <= best + 1e-3 * self.width:
+            if safe is None or (best is not None and safe[1] <= best[1] + 1e-3 * self.width):
                 break
-            (forces, best), reach = safe, 0.0
-            self._keep(safe)
+            best, forces, reach = safe, safe[0], 0.0
+            self._keep(best)
+        return best
 
     def _keep(self, state: _State) -> None:
         """Takes a state as the best one if its load factor is larger."""
@@ -326,3 +335,22 @@ class BranchAndBound:
             return None
         safe = self.checker.balanced(state.forces, state.load_factor), state.load_factor
         return safe if self.checker.is_admissible(*safe) else None
+
+    def _advanced(self, start: _State, target: _State) -> _State:
+        """Returns the last state on the line from ``start`` to ``target`` that the checker accepts:
+        the farthest of equal steps, then halvings of the step beyond it."""
+        (x, factor), (end, end_factor) = start, target
+        if end_factor <= factor or not np.isfinite(end).all():
+            return start
+
+        def at(share: float) -> _State:
+            """Returns the state at a share of the line."""
+            return x + share * (end - x), factor + share * (end_factor - factor)
+
+        shares = np.linspace(1.0, 0.0, BRANCH.steps + 1)
+        low = next((s for s in shares[:-1] if self.checker.is_admissible(*at(s))), 0.0)
+        high = min(low + 1.0 / BRANCH.steps, 1.0)
+        for _ in range(BRANCH.halvings if low < 1.0 else 0):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.checker.is_admissible(*at(middle)) else (low, middle)
+        return at(low)

@@ -1,7 +1,7 @@
 """Searches for a lower bound: safe steps, one after the other, from the forces of a relaxation; and
 boxes of pressure centres about these, which shrink until safe steps can follow.
 
-Problems are solved loosely.
+Problems are solved loosely; what a bound lost by that is won back by one solve at the end.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ from itertools import islice
 import numpy as np
 
 from cvxlimit.base.arrays import FloatArray
+from cvxlimit.extensions.interaction.relaxation.upper import UpperBound
 from cvxlimit.extensions.interaction.restriction.problems import InnerIterate, SafeProblems
 from cvxlimit.extensions.interaction.settings import BRACKET, CLIMB, PROOF
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.extensions.interaction.states.majorants import Point
 from cvxlimit.extensions.interaction.states.states import states_of
+from cvxlimit.extensions.interaction.states.support import whole_boxes
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import centres
@@ -117,9 +119,28 @@ class InnerMethod(SafeProblems):
         schedule = CLIMB.others if self.has_others else ()
         return self._search("boxes", self._narrowed(start, *schedule))
 
+    def from_stricter_reading(self, stricter: Moments) -> Iterator[InnerIterate]:
+        run = self.run
+        self.begin(f"{stricter} relaxation")
+        whole = whole_boxes(run.contacts)
+        relaxed = self.relaxed("hull", states_of(stricter).box_disjuncts(run.contacts, whole))
+        yield relaxed
+        near = relaxed.state.forces
+        if near is None or relaxed.load_factor <= run.best.bracket.lower:
+            return
+        other = InnerMethod(run, self.max_iterations, self.gain, self.reductions, stricter)
+        auxiliary = run.auxiliary_run()
+        auxiliary.moments = stricter
+        outer = UpperBound(auxiliary, other.half)
+        outer.search(BRACKET.outer, (*self.leading, *self.tight))
+        near = outer.state.forces if outer.state else near
+        for start in other.starts:
+            yield from other.begun(start, near)
+
     def _search(self, start: str, way: Iterator[InnerIterate]) -> Iterator[InnerIterate]:
         self._mark = self.begin(start)
         yield from islice(way, self.max_iterations)
+        yield from self.tightened()
 
     def _boxes(self, start: FloatArray | None) -> Boxes:
         return Boxes(self.contacts, self.moments, self.step.scaling.force, start, self.first)
@@ -156,7 +177,8 @@ class InnerMethod(SafeProblems):
     def _stepped(self, start: FloatArray | None) -> Iterator[InnerIterate]:
         """Safe steps; they know rectangles only, so contacts of other shapes get a frozen problem
         at the end."""
-        yield from self.improve(self.middle if start is None else self.point(start))
+        point = self.middle if start is None else self.point(start).shrunk(CLIMB.inward)
+        yield from self.improve(point)
         best = self.run.best.forces
         if best is not None and self.has_others:
             yield self.frozen(self._boxes(best).centre)
@@ -219,10 +241,11 @@ class InnerMethod(SafeProblems):
         point = self.point(forces)
         yield self.restricted("safe", lambda settings: self.step.solve(point, settings), self.warm)
 
-    def improve(self, point: Point) -> Iterator[InnerIterate]:
-        """Safe steps, each at the last one's forces, until they gain little, or could not reach the
-        best bound."""
-        best, retreats, gains = -np.inf, iter(CLIMB.retreats), [np.inf]
+    def improve(self, point: Point, reach: float | None = None) -> Iterator[InnerIterate]:
+        """Safe steps, each at the last one's forces or ahead of them by ``reach`` (None: as the
+        moments have it), until they gain little, or could not reach the best bound."""
+        reach = states_of(self.moments).reach if reach is None else reach
+        best, before, retreats, gains = -np.inf, None, iter(CLIMB.retreats), [np.inf]
         here = at = point
         while True:
             iterate = self.safe(at)
@@ -233,13 +256,21 @@ class InnerMethod(SafeProblems):
                 if share is None:
                     return
                 here = here if forces is None else self.point(forces, at)
-                at = here.shrunk(share)
+                at, reach, before = here.shrunk(share), 0.0, None
                 continue
             gain, best = iterate.lower - best, max(best, iterate.lower)
             gains.append(gain)
-            if gain < self.gain * abs(iterate.lower) or best + _predicted(gains) < self._mark:
+            if gain > 0.0:
+                here = self.point(forces, at)
+            least, hope = self.gain * abs(iterate.lower), _predicted(gains)
+            if gain < least and (reach == 0.0 or (gain > 0.0 and hope < least)):
                 return
-            here = at = self.point(forces, at)
+            if best + hope < self._mark:
+                return
+            reach, at = reach if gain > 0.0 else 0.0, here
+            if before is not None and reach > 0.0:
+                at = here.moved(reach, before).inside(self.step.statics.contacts)
+            before = here
 
 
 def _predicted(gains: Sequence[float]) -> float:

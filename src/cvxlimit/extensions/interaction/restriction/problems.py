@@ -17,7 +17,7 @@ Forces of the last two are bounds only where the checker accepts them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -35,6 +35,7 @@ from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.extensions.interaction.states.majorants import Point
 from cvxlimit.extensions.interaction.states.states import states_of
 from cvxlimit.methods.driver import Run, Solver
+from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import Pressure, half_extent
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.solution.bracket import known
@@ -76,12 +77,15 @@ class SafeProblems:
     Parameters
     ----------
     run : Run
+        The run, whose reading of Eq. 30 the checker takes.
     max_iterations : int
         Most solves of a search.
     gain : float
         Smallest gain that counts, as a share of the load factor.
     reductions : Reductions or None
         Where they have a mirror plane, steps stay among symmetric states.
+    moments : Moments or None
+        A stricter reading for the problems; None takes the run's.
     """
 
     def __init__(
@@ -90,8 +94,9 @@ class SafeProblems:
         max_iterations: int = 24,
         gain: float = 1e-4,
         reductions: Reductions | None = None,
+        moments: Moments | None = None,
     ) -> None:
-        self.run, self.moments, self.contacts = run, run.moments, run.contacts
+        self.run, self.moments, self.contacts = run, moments or run.moments, run.contacts
         self.max_iterations, self.gain, self.reductions = max_iterations, gain, reductions
         self.start = "middle"
         # Ladders: for problems that only lead the way, for steps that start from the last one, and
@@ -107,11 +112,12 @@ class SafeProblems:
             self.hull = HullProblem(run.assemblage, self.half)
             self.checker = LowerBounds(run.assemblage, run.moments)
         self.middle = Point.middle(self.contacts)
+        self._last: tuple[InnerIterate, Solver] | None = None
         self._halfway: dict[str, Halfway] = {}
 
     def begin(self, start: str) -> float:
         """Begins a search from a named start, and returns the lower bound that it has to beat."""
-        self.start = start
+        self.start, self._last = start, None
         return self.run.best.bracket.lower
 
     def safe(self, point: Point) -> InnerIterate:
@@ -168,7 +174,18 @@ class SafeProblems:
             iterate = self.solved(kind, solver, (settings,))
             if iterate.is_safe or iterate.state.outcome.claims_no_optimum:
                 break
+        if iterate.is_safe and iterate.lower >= self.run.best.bracket.lower:
+            self._last = (iterate, solver) if settings not in self.tight else None
         return iterate
+
+    def tightened(self) -> Iterator[InnerIterate]:
+        """Yields the problem of the best bound solved tightly, if its loose solve cost much."""
+        if self._last is None:
+            return
+        iterate, solver = self._last
+        factor = iterate.load_factor
+        if factor - iterate.lower > PROOF.most_of_width * self.gain * abs(factor):
+            yield self.solved(iterate.kind, solver, self.tight)
 
     def solved(self, kind: str, solver: Solver, ladder: Sequence[SolverSettings]) -> InnerIterate:
         """Solves a problem down a ladder, has its forces checked, and notes both in the history."""

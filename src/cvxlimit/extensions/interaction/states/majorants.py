@@ -79,6 +79,13 @@ class Point:
         half, mu = contacts.sides / 2.0, contacts.friction[:, None]
         return Point(np.clip(self.centre, -half, half), np.clip(self.shear, -mu, mu))
 
+    def moved(self, share: float, before: Point) -> Point:
+        """Returns the point moved on by ``share`` of the way that led here from ``before``."""
+        return Point(
+            self.centre + share * (self.centre - before.centre),
+            self.shear + share * (self.shear - before.shear),
+        )
+
     def shrunk(self, share: float) -> Point:
         """Returns the point moved by ``share`` of the way to the middle without shear."""
         return Point((1.0 - share) * self.centre, (1.0 - share) * self.shear)

@@ -58,10 +58,11 @@ class States(ABC):
     """A rectangle in a contact of another shape, of corners (k, 2), where Eq. 30 is as strict."""
     balance: ClassVar[float]
     """k^2 of the product bounds of safe steps, in units of (half side / friction)."""
+    reach: ClassVar[float] = 0.0
     shrink: ClassVar[float] = 0.0
-    """Safe steps are built nearer to the middle than the last forces by this share: pressed in a
-    corner or at full slip a contact's safe set has no interior, and solvers return inaccurate
-    answers."""
+    """Safe steps are built ahead of the last forces by ``reach`` of the last move, while that
+    gains, and nearer to the middle by ``shrink``: pressed in a corner or at full slip a contact's
+    safe set has no interior, and solvers return inaccurate answers."""
 
     def __init__(self, reading: Moments) -> None:
         self.reading = reading
@@ -139,6 +140,7 @@ class IndependentStates(States):
     support = staticmethod(independent_support)
     cell_support = staticmethod(independent_cells)
     balance = 2.0
+    reach = 1.0
 
     def has_corner_hull(self, contacts: Contacts, boxes: FloatArray) -> BoolArray:
         """Polygons that press anywhere, where they are many: a hull that is larger than needed."""
