@@ -266,6 +266,7 @@ CALLS: dict[str, tuple[Callable[[], object], str]] = {
     "ladder-number": (lambda: solve(TOWER, ladder=[3]), "3"),  # type: ignore[list-item]
     "weight-one": (lambda: FixedPoint(old_value_weight=1.0), "old_value_weight"),
     "most-none": (lambda: FixedPoint(max_iterations=0), "max_iterations"),
+    "starts": (lambda: Certified(starts=("top",)), "starts"),
     "branching": (lambda: Certified(branching_seconds=-1.0), "branching_seconds"),
     "facets-certified": (lambda: solve(TOWER, "octagon", method="certified"), "conic"),
 }  # fmt: skip

@@ -73,6 +73,7 @@ def test_a_contact_by_its_name() -> None:
 
 
 def test_settings_that_stand_alone() -> None:
+    assert Certified(starts="middle") == Certified(starts=("middle",))  # type: ignore[arg-type]
     for ladder in (CLARABEL, [CLARABEL], "CLARABEL", ["CLARABEL"]):
         solution = solve(scene(), ladder=ladder)
         assert solution.load_factor == pytest.approx(0.5, rel=1e-5)  # 1 wide, 2 high: it rocks
@@ -144,6 +145,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "path": (lambda: plot(scene(), None, None), "path must name a file, got None"),  # type: ignore[arg-type]
     "file": (lambda: scene_to_dict(None), "scene must be a Scene, got None"),  # type: ignore[arg-type]
     "result": (lambda: result_to_dict(None), "solution must be a Solution, got None"),  # type: ignore[arg-type]
+    "starts": (lambda: Certified(starts=("centre",)), r"starts must be .* got \('centre',\)"),
+    "no start": (lambda: Certified(starts=()), r"at least one, got \(\)"),
     "solves": (lambda: Certified(solves=0), "solves must be at least 1 and whole, got 0"),
     "most": (
         lambda: FixedPoint(max_iterations=2.5),

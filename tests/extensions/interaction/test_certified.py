@@ -461,6 +461,8 @@ def test_refusals() -> None:
     scene = builtin_scene("single-block")
     with pytest.raises(ModelError, match="goes with surface conic, got 'octagon'"):
         solve(scene, "octagon", method="certified")
+    with pytest.raises(ModelError, match="starts must be"):
+        Certified(starts=("somewhere",))
     with pytest.raises(ModelError, match="goes with surface conic, got a list"):
         solve(scene, [], method="certified")
 
@@ -472,11 +474,11 @@ def test_interrupted_it_keeps_what_it_proved() -> None:
 
     def press(message: str) -> None:
         told.append(message)
-        if "safe step" in message:
+        if "penalty step" in message:
             raise KeyboardInterrupt
 
     scene = builtin_scene("tuff-wall")
-    run = solve(scene, method="certified", progress=press)
+    run = solve(scene, method=Certified(starts=("middle",)), progress=press)
     assert run.status is Status.INTERRUPTED
     assert run.bracket.has_both
     assert 0.0 < run.lower <= 0.26918

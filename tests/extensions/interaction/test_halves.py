@@ -91,7 +91,7 @@ def test_no_half_where_the_mirror_changes_something() -> None:
 def test_certified_brackets_with_and_without_the_mirror_overlap() -> None:
     """Either bracket holds the truth; the model says which one used a half."""
     scene = small_panel()
-    rule = Certified(solves=8, branching_seconds=0.0)
+    rule = Certified(starts="relaxation", solves=8, branching_seconds=0.0)
     whole = solve(scene, method=replace(rule), model="full")
     half = solve(scene, method=replace(rule), model="least")
     assert half.model == ("symmetry",)

@@ -199,10 +199,7 @@ def inner(scene: Scene, moments: str, most: int = 24, gain: float = 1e-4) -> Inn
 
 @cache
 def tuff_iterates(moments: str) -> tuple[InnerIterate, ...]:
-    """From the forces of the relaxation."""
-    scene = builtin_scene("tuff-wall")
-    whole = states_of(parse_moments(moments)).box_disjuncts(scene.contacts)
-    return tuple(inner(scene, moments).iterates(HullProblem(scene).solve(whole).forces))
+    return tuple(inner(builtin_scene("tuff-wall"), moments).iterates())
 
 
 @pytest.mark.exhaustive_cases("signed")
@@ -471,7 +468,28 @@ def test_progress_is_told_and_stops_are_lazy() -> None:
     assert "box step from the middle" in told[-1]
 
 
-# What leads the way, and what it costs.
+# Steps that lead the way, and what they cost.
+
+
+def test_rows_with_less_curvature_contain_those_with_more() -> None:
+    """At one point the load factor falls with curvature, and all of it is safe."""
+    scene = builtin_scene("tuff-wall")
+    relaxed = HullProblem(scene).solve(states_of(INDEPENDENT).box_disjuncts(scene.contacts))
+    assert relaxed.forces is not None
+    method = inner(scene, "independent")
+    point = method.point(relaxed.forces)
+    tight = settings_for("CLARABEL", 1e-9)
+    shares = (1.0, 0.3, 0.1, 0.0)
+    states = [method.step.solve(point, tight, curvature=share) for share in shares]
+    factors = [state.load_factor for state in states if state.load_factor is not None]
+    assert len(factors) == len(shares)
+    assert np.diff(factors).min() > 0.0
+    excess = [
+        INDEPENDENT.excess(s.forces, scene.contacts).max() for s in states if s.forces is not None
+    ]
+    weight = scene.total_weight
+    assert excess[0] <= 1e-8 * weight
+    assert excess[1] > 1e-6 * weight
 
 
 def test_boxes_shrink_only_where_forces_exceed() -> None:

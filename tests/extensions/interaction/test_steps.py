@@ -26,7 +26,9 @@ FloatArray = NDArray[np.float64]
 SOLVER = settings_for("CLARABEL", 1e-9)
 
 
-def referee(step: SafeStep, point: Point, most: float | None) -> float:
+def referee(
+    step: SafeStep, point: Point, price: float | None, curvature: float, most: float | None
+) -> float:
     """The scaled value of the step's problem."""
     count, own = len(step.kept), step.rectangles.take(step.kept)
     into, model = Constraints(), corner_compressions(own.contacts)
@@ -44,6 +46,7 @@ def referee(step: SafeStep, point: Point, most: float | None) -> float:
 
     sizes = pair("m"), unit["u"], pair("s"), unit["t"]
     f = Forces(unit["N"], pair("V"), pair("X"), unit["MT"], *sizes)
+    slack = cp.Variable(count, nonneg=True)
     limits = [cp.norm(cp.vstack([value["V1"], value["V2"]]), axis=0) <= value["u"]]
     limits += [value["u"] <= cp.multiply(own.contacts.friction, value["N"])]
     for name, size in (("X1", "m1"), ("X2", "m2"), ("V1", "s1"), ("V2", "s2"), ("MT", "t")):
@@ -54,10 +57,13 @@ def referee(step: SafeStep, point: Point, most: float | None) -> float:
         f, here, own, moments.slopes, moments.is_limited, states_of(moments).balance
     ).rows()
     for row in rows:
-        w = -stated(row.linear)
-        roots = [stated(p) for p in row.squares]
+        longer = row.lengthened(f.N, curvature) if row.squares else row
+        w = slack - stated(longer.linear)
+        roots = [stated(p) for p in longer.squares]
         # norm(roots)^2 <= 4 N w, as one norm
         limits.append(cp.norm(cp.vstack([*roots, value["N"] - w]), axis=0) <= value["N"] + w)
+    if price is None:
+        limits.append(slack == 0.0)
     half, scaled, alpha = step.half, step.assemblage.scaled, cp.Variable()
     if most is not None:
         limits.append(step.scaling.load_factor(1.0) * alpha <= most)
@@ -66,7 +72,8 @@ def referee(step: SafeStep, point: Point, most: float | None) -> float:
     balance = scaled.matrix @ (forces if half is None else half.forces @ forces) + load
     if half is not None:
         balance = half.rates @ balance
-    problem = cp.Problem(cp.Maximize(alpha), [balance == 0, *limits, *into.all])
+    cost = 0.0 if price is None else price * cp.sum(slack)
+    problem = cp.Problem(cp.Maximize(alpha - cost), [balance == 0, *limits, *into.all])
     assert run(problem, SOLVER).has_values
     return float(problem.value)
 
@@ -78,16 +85,18 @@ def small_panel() -> Scene:
 
 
 CASES = [
-    ("independent", None),
-    ("signed", None),
-    ("paper", None),
-    ("signed-torsion-bending", 0.01),
+    ("independent", None, 1.0, None),
+    ("signed", 5.0, 1.0, None),
+    ("paper", None, 0.1, None),
+    ("signed-torsion-bending", None, 1.0, 0.01),
 ]
 
 
 @pytest.mark.parametrize("part", ["whole", "half"])
-@pytest.mark.parametrize(("moments", "most"), CASES)
-def test_the_matrices_say_what_the_rows_say(moments: str, most: float | None, part: str) -> None:
+@pytest.mark.parametrize(("moments", "price", "curvature", "most"), CASES)
+def test_the_matrices_say_what_the_rows_say(
+    moments: str, price: float | None, curvature: float, most: float | None, part: str
+) -> None:
     """1e-6 of the load factor: both are solved to 1e-9 in scaled forces."""
     run = Run(small_panel(), moments=parse_moments(moments))
     half = None
@@ -98,10 +107,11 @@ def test_the_matrices_say_what_the_rows_say(moments: str, most: float | None, pa
     sides, friction = step.statics.contacts.sides, step.statics.contacts.friction[:, None]
     centre = 0.1 * rng.uniform(-1.0, 1.0, sides.shape) * sides
     point = Point(centre, 0.2 * rng.uniform(-1.0, 1.0, sides.shape) * friction)
-    state = step.solve(point, SOLVER, most)
+    state = step.solve(point, SOLVER, price, curvature, most)
     assert state.load_factor is not None
     assert state.forces is not None
     value = state.load_factor / step.scaling.load_factor(1.0)
-    assert value == pytest.approx(referee(step, point, most), rel=1e-6)
+    value -= 0.0 if price is None else price * state.slack
+    assert value == pytest.approx(referee(step, point, price, curvature, most), rel=1e-6)
     residual = run.assemblage.statics.residual(state.forces, state.load_factor)
     assert np.abs(residual).max() < 1e-7 * run.scaling.force  # what the solver leaves

@@ -21,7 +21,7 @@ The stages, each of which ends the run where the bracket is as narrow as is aske
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -32,6 +32,7 @@ import numpy as np
 from cvxlimit.base.arrays import SMALL, FloatArray
 from cvxlimit.base.checks import count, not_negative, ratio
 from cvxlimit.base.search import processes
+from cvxlimit.errors import ModelError
 from cvxlimit.extensions.interaction.branching.progress import MORE_TIME, Progress, percent
 from cvxlimit.extensions.interaction.branching.search import BranchAndBound
 from cvxlimit.extensions.interaction.flow import InteractionFlow
@@ -56,6 +57,9 @@ from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import Bracket
 from cvxlimit.solvers import default_ladder, ladder_for
 
+STARTS = ("relaxation", "middle", "boxes")
+"""Names of the places where safe steps begin."""
+
 
 @dataclass(frozen=True)
 class Certified(Method):
@@ -69,6 +73,13 @@ class Certified(Method):
     tolerance : float or None
         Relative width of the bracket at which to stop. None asks for 1 % (1e-4 on scenes of up to 6
         contacts) within the budget, and calls a bracket within 5 % certified.
+    starts : tuple of {"relaxation", "middle", "boxes"} or None
+        Where the safe steps begin: at the forces of the relaxation from above, at the middle of all
+        contacts, or where boxes of pressure centres about the relaxation's shrink to. The problem
+        has local optima, so several starts help (figures: docs/evidence/closing.md).
+        None is all of them for independent signs, each while the bracket is wider than 0.5 % and
+        boxes up to 500 contacts, and for signed moments the relaxation; where contacts are not all
+        rectangles boxes come first, whatever the moments.
     solves : int
         Convex problems per start, at most.
     branching_seconds : float or None
@@ -99,6 +110,7 @@ class Certified(Method):
     usual = BRACKET.good
 
     tolerance: float | None = None
+    starts: tuple[str, ...] | None = None
     solves: int = 24
     branching_seconds: float | None = None
     workers: int = 1
@@ -107,6 +119,13 @@ class Certified(Method):
     budget: float | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.starts, str):
+            object.__setattr__(self, "starts", (self.starts,))
+        starts = () if self.starts is None else self.starts
+        is_known = isinstance(starts, Sequence) and all(start in STARTS for start in starts)
+        if not is_known or (self.starts is not None and not starts):
+            known = ", ".join(map(repr, STARTS))
+            raise ModelError(f"starts must be among {known}, at least one, got {self.starts!r}")
         if self.tolerance is not None:
             ratio(self.tolerance, "tolerance")
         count(self.solves, 1, "solves")
@@ -256,7 +275,7 @@ class _Proof:
     def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
         """Climbs from each start in turn, then under stricter readings of the moments."""
         run, state = self.run, outer.state
-        for number, name in enumerate(self.climbs.starts):
+        for number, name in enumerate(self.settings.starts or self.climbs.starts):
             if number > 0 and self._is_within(BRACKET.narrow):
                 break
             relaxed = state.forces if state else None

@@ -35,7 +35,8 @@ class ProofSettings:
     # Margin, a share of friction and size, that the first attempt of a proof with held pressure
     # centres keeps.
     margin: float = 1e-6
-    growth: float = 3.0  # Factor of that margin after each attempt.
+    # Factor of that margin after each attempt, and of the price of slack after each penalty step.
+    growth: float = 3.0
     # Attempts whose margin grows at all contacts, then those whose margin grows only where Eq. 30
     # was exceeded, then safe steps with a margin at all contacts.
     attempts: tuple[int, int, int] = (5, 12, 4)
@@ -53,13 +54,20 @@ class ClimbSettings:
     follow those of a relaxation and shrink.
     """
 
-    # Steps.
+    # Steps. Penalty steps may exceed Eq. 30 by a *slack* at a price.
+    penalty_steps: int = 4  # At most so many in a row.
+    # First price of slack over the fastest twist of the mechanism, which is what slack is worth.
+    price: float = 0.7
+    # Share of a safe step's curvature that successive long steps have.
+    long: tuple[float, ...] = (0.1, 0.1, 0.1, 0.3)
     # Share by which the relaxation's pressure centres are moved towards the middle of contacts
     # before steps begin there: relaxations press on the rims.
     inward: float = 0.05
     # The same share after each failure of a safe step.
     retreats: tuple[float, ...] = (0.005, 0.02, 0.05, 0.2, 1.0)
-    carrying: int = 2  # Steps to forces that carry a load alone.
+    # Prices of slack, scaled, of successive steps to forces that carry a load alone; None is a safe
+    # step. At the last price little slack is left.
+    prices: tuple[float | None, ...] = (None, 1.0, 10.0, 100.0, 1000.0, 1000.0, 1000.0, None)
 
     # Boxes.
     first: float = 0.8  # Half width at first.

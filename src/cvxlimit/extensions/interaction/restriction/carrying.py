@@ -63,12 +63,11 @@ def _candidates(
 def _stepped(
     run: Run, step: SafeStep, point: Point, ladder: Sequence[SolverSettings]
 ) -> Iterator[FloatArray]:
-    """Yields the forces (n, 6) of steps from a point, and from the forces of the one before, as
-    long as they carry the load."""
-    for _ in range(CLIMB.carrying):
+    """Yields the forces (n, 6) of steps from a point, each step with a higher price of slack and
+    from the forces of the last one that carried the load."""
+    for price in CLIMB.prices:
         at = point.shrunk(CLIMB.retreats[0])
-        state, _ = run.try_solvers(partial(step.solve, at, most=1.0), ladder)
-        if (forces := carried(state)) is None:
-            return
-        yield forces
-        point = step.point(forces, point, PROOF.accepted)
+        state, _ = run.try_solvers(partial(step.solve, at, price=price, most=1.0), ladder)
+        if (forces := carried(state)) is not None:
+            yield forces
+            point = step.point(forces, point, PROOF.accepted)

@@ -1,5 +1,5 @@
-"""Searches for a lower bound: safe steps, one after the other, from the forces of a relaxation; and
-boxes of pressure centres about these, which shrink until safe steps can follow.
+"""Searches for a lower bound: from a relaxation long steps lead before safe ones follow, from the
+middle of all contacts penalty steps, and with torsion about the pressure centre boxes.
 
 Problems are solved loosely; what a bound lost by that is won back by one solve at the end.
 """
@@ -93,8 +93,8 @@ class InnerMethod(SafeProblems):
 
     @property
     def starts(self) -> tuple[str, ...]:
-        """Where searches begin. Safe steps know rectangles only, so boxes come first where contacts
-        have other shapes."""
+        """Where searches begin unless they are told. Safe steps know rectangles only, so boxes come
+        first where contacts have other shapes."""
         every, count = states_of(self.moments).starts, len(self.run.contacts)
         if self.has_others and count > BRACKET.few:
             return tuple(dict.fromkeys(("boxes", *every)))
@@ -102,7 +102,9 @@ class InnerMethod(SafeProblems):
 
     def begun(self, start: str, relaxed: FloatArray | None) -> Iterator[InnerIterate]:
         """The search from one of the ``starts``; ``relaxed`` are a relaxation's forces."""
-        return self.narrowed(relaxed) if start == "boxes" else self.iterates(relaxed)
+        if start == "boxes":
+            return self.narrowed(relaxed)
+        return self.iterates(None if start == "middle" else relaxed)
 
     def iterates(self, start: FloatArray | None = None) -> Iterator[InnerIterate]:
         """All solves, lazily, from forces (n, 6), admissible or not, or the contacts' middle.
@@ -175,10 +177,12 @@ class InnerMethod(SafeProblems):
         yield from self.improve(point)
 
     def _stepped(self, start: FloatArray | None) -> Iterator[InnerIterate]:
-        """Safe steps; they know rectangles only, so contacts of other shapes get a frozen problem
-        at the end."""
-        point = self.middle if start is None else self.point(start).shrunk(CLIMB.inward)
-        yield from self.improve(point)
+        """Safe steps, after others that lead there; they know rectangles only, so contacts of other
+        shapes get a frozen problem at the end."""
+        if start is None:
+            yield from self._after_penalties()
+        else:
+            yield from self._after_long(self.point(start).shrunk(CLIMB.inward))
         best = self.run.best.forces
         if best is not None and self.has_others:
             yield self.frozen(self._boxes(best).centre)
@@ -271,6 +275,44 @@ class InnerMethod(SafeProblems):
             if before is not None and reach > 0.0:
                 at = here.moved(reach, before).inside(self.step.statics.contacts)
             before = here
+
+    def _after_long(self, point: Point) -> Iterator[InnerIterate]:
+        """A safe step at a point; if it has a bound, long steps with a share of the curvature while
+        they gain enough; then safe steps from where they end."""
+        first = self.safe(point)
+        yield first
+        if first.state.forces is not None and first.is_safe:
+            point, best = self.point(first.state.forces, point), first.lower
+            for curvature in CLIMB.long:
+                iterate = self.leading_step("long", point, curvature=curvature)
+                yield iterate
+                if iterate.state.forces is None:
+                    break
+                point = self.point(iterate.state.forces, point)
+                if iterate.load_factor - best < self.gain * abs(best):
+                    break
+                best = iterate.load_factor
+        yield from self.improve(point)
+
+    def _after_penalties(self) -> Iterator[InnerIterate]:
+        """A safe step at the middle, whose mechanism prices slack, penalty steps at a price that
+        grows until nothing is bought, then safe ones."""
+        first = self.safe(self.middle)
+        yield first
+        price = CLIMB.price * self.fastest_twist(first.state)
+        point, last = self.middle, np.inf
+        for number in range(CLIMB.penalty_steps):
+            iterate = self.leading_step("penalty", point, price)
+            yield iterate
+            if iterate.state.forces is None:
+                break
+            point = self.point(iterate.state.forces, point)
+            if iterate.slack <= TOLERANCE:
+                break
+            stuck = number > 0 and iterate.slack > 0.5 * last
+            price *= PROOF.growth * (10.0 if stuck else 1.0)
+            last = iterate.slack
+        yield from self.improve(point)
 
 
 def _predicted(gains: Sequence[float]) -> float:

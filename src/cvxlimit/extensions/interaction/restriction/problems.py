@@ -8,11 +8,13 @@ kind      what it is
 safe      A step inside Eq. 30 (:mod:`majorants`). It contains the forces at which it is built,
           so that bounds do not fall.
 frozen    Every contact is pressed exactly at a given centre, which is inside Eq. 30 as well.
+long      A safe step with a tenth of its curvature.
+penalty   A step that may exceed Eq. 30 at a price (penalty convex-concave procedure).
 box       A problem over the convex hull of states pressed in a box around each contact's centre.
 hull      The same over whole contacts.
 ========  =====================================================================================
 
-Forces of the last two are bounds only where the checker accepts them.
+Forces of the last four are bounds only where the checker accepts them.
 """
 
 from __future__ import annotations
@@ -29,11 +31,12 @@ from cvxlimit.extensions.interaction.relaxation.column_blocks import Halfway
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem
 from cvxlimit.extensions.interaction.restriction.lower_bound import LowerBound, LowerBounds
 from cvxlimit.extensions.interaction.restriction.pressed import PressedProblem
-from cvxlimit.extensions.interaction.restriction.steps import SafeStep
+from cvxlimit.extensions.interaction.restriction.steps import SafeStep, StepState
 from cvxlimit.extensions.interaction.settings import PROOF
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.extensions.interaction.states.majorants import Point
 from cvxlimit.extensions.interaction.states.states import states_of
+from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run, Solver
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.pressure import Pressure, half_extent
@@ -59,6 +62,11 @@ class InnerIterate:
     def load_factor(self) -> float:
         """The load factor that the solver returned; minus infinity without one."""
         return -np.inf if self.state.load_factor is None else self.state.load_factor
+
+    @property
+    def slack(self) -> float:
+        """How much slack of Eq. 30 a penalty step has bought; zero for other kinds."""
+        return self.state.slack if isinstance(self.state, StepState) else 0.0
 
     @property
     def lower(self) -> float:
@@ -125,6 +133,14 @@ class SafeProblems:
         return self.restricted(
             "safe", lambda settings: self.step.solve(point, settings), self.stepping
         )
+
+    def leading_step(
+        self, kind: str, point: Point, price: float | None = None, curvature: float = 1.0
+    ) -> InnerIterate:
+        """Solves a long or penalty step at a point: with a share of the ``curvature`` of a safe
+        step, or with slack at a ``price``."""
+        step = self.step
+        return self.solved(kind, lambda r: step.solve(point, r, price, curvature), self.stepping)
 
     def frozen(self, centre: FloatArray) -> InnerIterate:
         """Solves the frozen problem at pressure centres (n, 2), fractions of the half extents."""
@@ -208,3 +224,13 @@ class SafeProblems:
         M1, M2, MT. Contacts without compression keep their place in ``otherwise``."""
         point = self.step.point(forces, otherwise or self.middle, PROOF.accepted)
         return point.shrunk(states_of(self.moments).shrink)
+
+    def fastest_twist(self, state: LimitState) -> float:
+        """Returns the largest twist rate at a contact, scaled; at least the scaled load factor."""
+        scaling = self.step.scaling
+        floor = abs(state.load_factor or 1.0) / scaling.load_factor(1.0)
+        if state.mechanism is None:
+            return floor
+        rates = state.mechanism / scaling.mechanism(np.ones(6))
+        twist = self.step.statics.relative_rates(rates)[:, COLUMN["MT"]]
+        return max(floor, float(np.abs(twist).max()))

@@ -151,32 +151,47 @@ class Product(Generic[Values]):
     x0: FloatArray
     y0: FloatArray
 
-    def majorant(self, normal: Values) -> tuple[Values, Values]:
-        """Returns p and a linear part, so that x y / N <= linear + p^2 / (4 N), with equality where
-        x / N = x0 and y / N = y0."""
+    def majorant(self, normal: Values) -> tuple[Values, FloatArray, Values]:
+        """Returns p, its value p0 over N at the point, and a linear part, so that
+        x y / N <= linear + p^2 / (4 N), with equality where x / N = x0 and y / N = y0."""
         x, y = self.x / self.k, self.k * self.y
-        d = self.x0 / self.k - self.k * self.y0
-        return x + y, d**2 / 4.0 * normal - d / 2.0 * (x - y)
+        x0, y0 = self.x0 / self.k, self.k * self.y0
+        d = x0 - y0
+        return x + y, x0 + y0, d**2 / 4.0 * normal - d / 2.0 * (x - y)
 
 
 @dataclass(frozen=True, eq=False)
 class Row(Generic[Values]):
-    """The condition ``linear`` + sum of ``squares``^2 / (4 N) <= 0 at every contact."""
+    """The condition ``linear`` + sum of ``squares``^2 / (4 N) <= 0 at every contact; ``at`` are the
+    values of ``squares`` over N at the point where the row is exact."""
 
     linear: Values
     squares: Sequence[Values] = ()
+    at: Sequence[FloatArray] = ()
 
     @classmethod
     def of(cls, linear: Values, products: Sequence[Product[Values]], normal: Values) -> Row[Values]:
         """Returns the row in which every product is replaced by its majorant."""
         parts = [product.majorant(normal) for product in products]
-        return cls(sum((rest for _, rest in parts), start=linear), [p for p, _ in parts])
+        roots, at = [p for p, _, _ in parts], [p0 for _, p0, _ in parts]
+        return cls(sum((rest for _, _, rest in parts), start=linear), roots, at)
 
-    def cone(self, normal: Values, arm: FloatArray) -> list[Values]:
+    def lengthened(self, normal: Values, share: float) -> Row[Values]:
+        """Returns the row with only ``share`` of its curvature: p^2 / (4 N) is replaced by its
+        tangent at the point plus that share of the rest. Exact at the row's own point like the row
+        itself, but no longer inside the true condition: a step with such rows goes farther, and its
+        forces prove nothing."""
+        linear, squares = self.linear, []
+        for p, p0 in zip(self.squares, self.at, strict=True):
+            linear = linear + p0 / 2.0 * p - p0**2 / 4.0 * normal
+            squares.append(share**0.5 * (p - p0 * normal))
+        return Row(linear, squares, self.at)
+
+    def cone(self, normal: Values, slack: Values, arm: FloatArray) -> list[Values]:
         """Returns the entries of the second-order cone norm(squares)^2 <= 4 N w, its bound first,
-        with w = -linear. Divided by ``arm`` (n,) w is as large as N; otherwise the first and the
-        last entry would hardly differ."""
-        w = -self.linear / arm
+        with w = slack - linear. Divided by ``arm`` (n,) w is as large as N; otherwise the first and
+        the last entry would hardly differ."""
+        w = (slack - self.linear) / arm
         entries = [normal + w]
         entries += [p / np.sqrt(arm) for p in self.squares]
         entries.append(normal - w)

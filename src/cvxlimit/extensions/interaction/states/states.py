@@ -51,9 +51,8 @@ from cvxlimit.readings.moments import Moments
 class States(ABC):
     """What contacts carry under a ``reading``; :func:`states_of` has those of a reading."""
 
-    starts: tuple[str, ...] = ("relaxation",)
-    """Where searches for a lower bound begin: at the forces of a relaxation, and where boxes of
-    pressure centres about these shrink to."""
+    starts: tuple[str, ...]
+    """Where searches for a lower bound begin unless they are told: relaxation, middle, boxes."""
     inscribed: Callable[[FloatArray], Rectangle]
     """A rectangle in a contact of another shape, of corners (k, 2), where Eq. 30 is as strict."""
     balance: ClassVar[float]
@@ -135,7 +134,7 @@ class States(ABC):
 class IndependentStates(States):
     """Every sign on its own: disjuncts are spread over both signs where boxes allow both alike."""
 
-    starts = ("relaxation", "boxes")
+    starts = ("relaxation", "middle", "boxes")
     inscribed = staticmethod(largest_centred)  # the torque depends on the contact's frame
     support = staticmethod(independent_support)
     cell_support = staticmethod(independent_cells)
@@ -184,6 +183,10 @@ class TiedStates(States):
 
     balance = 1.0
     shrink = 0.005
+
+    @property
+    def starts(self) -> tuple[str, ...]:  # type: ignore[override]
+        return ("relaxation",) if self.reading.is_about_centre else ("relaxation", "middle")
 
     @property
     def inscribed(self) -> Callable[[FloatArray], Rectangle]:  # type: ignore[override]
