@@ -120,6 +120,7 @@ class BranchSettings:
     cut: float = 0.1
     # Share of a range that is left beyond what a solver says pressure centres reach.
     beyond: float = 1e-3
+    attempts: int = 3  # Solves for each end of a range.
 
     # The search.
     at_a_time: int = 200  # Contacts of the nodes that are explored together; at least one node.

@@ -19,7 +19,8 @@ from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.interaction.branching.nodes import Explored, Goal, Node, Relaxer, scores
 from cvxlimit.extensions.interaction.relaxation.column_blocks import ColumnBlock, Columns, stacked
 from cvxlimit.extensions.interaction.relaxation.hull import HullProblem, LoadBlock
-from cvxlimit.extensions.interaction.settings import BRANCH, PROOF
+from cvxlimit.extensions.interaction.relaxation.upper import priced_disjuncts
+from cvxlimit.extensions.interaction.settings import BRACKET, BRANCH, PROOF
 from cvxlimit.extensions.interaction.states.disjuncts import Disjuncts
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.formulations import times
@@ -50,15 +51,14 @@ class _Tightening:
 
     def __init__(self, relaxer: Relaxer, node: Node, goal: Goal) -> None:
         self.relaxer, self.node, self.goal = relaxer, node, goal
-        self.boxes = node.boxes.copy()
+        self.boxes, self._is_missing = node.boxes.copy(), False
 
     def tightened(self, has_time: Callable[[], bool]) -> Node:
         """Returns the node with its ranges cut and its relaxation solved again."""
         relaxer, node = self.relaxer, self.node
         if node.forces is None or node.mechanism is None:
             return node
-        (pieces,) = relaxer.pieces([node.boxes])
-        self.reach = Reach(relaxer.problem, [*pieces, *node.added], self.goal.cut)
+        self._state_reach()
         # Contacts that carry the gap, those with the highest score first.
         centre = centres(node.forces, relaxer.contacts)
         score = scores(relaxer, node)
@@ -72,42 +72,69 @@ class _Tightening:
             if sign * (self.boxes[j, axis, side] - centre[j, axis]) >= BRANCH.cut * (high - low):
                 self.boxes[j, axis, side] = self._reached(j, axis, sign)
         if np.array_equal(self.boxes, node.boxes):
-            return node
+            return self.node
         # The relaxation of the smaller ranges, without disjuncts that belong to the larger ones.
         changed = np.flatnonzero((self.boxes != node.boxes).any(axis=(1, 2)))
-        added = node.without(*changed.tolist())
-        (solved,) = relaxer.evaluated([replace(node, boxes=self.boxes, added=added)], self.goal)
+        added = self.node.without(*changed.tolist())
+        (solved,) = relaxer.evaluated(
+            [replace(self.node, boxes=self.boxes, added=added)], self.goal
+        )
         return solved
+
+    def _state_reach(self) -> None:
+        """States the problem of how far pressure can act, for the node's disjuncts."""
+        (pieces,) = self.relaxer.pieces([self.node.boxes])
+        self.reach = Reach(self.relaxer.problem, [*pieces, *self.node.added], self.goal.cut)
 
     def _reached(self, j: int, axis: int, sign: float) -> float:
         """Returns the end of contact j's range along ``axis``, at its low (``sign`` -1) or high (1)
         side, after cutting off what a certified bound allows; the present end if nothing is."""
         relaxer, boxes, side = self.relaxer, self.boxes, int(sign > 0.0)
         present, width = float(boxes[j, axis, side]), float(np.ptp(boxes[j, axis]))
-        relaxer.solves += 1
-        furthest = self.reach.furthest(j, axis, sign, relaxer.ladder[0])
-        if furthest is None:
-            return present
-        # How far pressure can act, and a little more.
-        at = sign * (furthest[0] + BRANCH.beyond * width)
-        slab = boxes.copy()
-        slab[j, axis, 1 - side] = at
-        is_cut = sign * (present - at) >= BRANCH.cut * width and self._is_shut(slab, furthest[1])
-        return at if is_cut else present
+        for _ in range(BRANCH.attempts):
+            relaxer.solves += 1
+            # How far pressure can act, and a little more.
+            furthest = self.reach.furthest(j, axis, sign, relaxer.ladder[0])
+            if furthest is None:
+                break
+            at = sign * (furthest[0] + BRANCH.beyond * width)
+            if sign * (present - at) < BRANCH.cut * width:
+                break
+            # The slab beyond is cut off if the mechanism proves that it may be. If instead the
+            # mechanism shows disjuncts that were missing, the problem is stated again with them.
+            slab = boxes.copy()
+            slab[j, axis, 1 - side] = at
+            if self._is_shut(slab, furthest[1], j):
+                return at
+            if not self._is_missing:
+                break
+            self._state_reach()
+        return present
 
-    def _is_shut(self, slab: FloatArray, mechanism: FloatArray) -> bool:
+    def _is_shut(self, slab: FloatArray, mechanism: FloatArray, j: int) -> bool:
         """Returns True if a mechanism (free, 6) proves that states pressed in ``slab`` (n, 2, 2) do
-        not reach the lower bound."""
+        not reach the lower bound; otherwise adds disjuncts of contacts but j that it missed."""
         relaxer, node, goal = self.relaxer, self.node, self.goal
-        certifier = relaxer.certifier.with_flow(relaxer.flow.within(slab, goal.precision))
+        flow = relaxer.flow.within(slab, goal.precision)
+        certifier = relaxer.certifier.with_flow(flow)
         assert node.mechanism is not None
         # The mechanism may do no live work by itself: a little of the node's is added to it.
         tilt = PROOF.margin * np.abs(mechanism).max() / np.abs(node.mechanism).max()
         rates = mechanism + tilt * node.mechanism
         bound = certifier.certificate(node.forces, None, rates).upper
-        is_shut = bound <= goal.cut + 0.1 * goal.width
-        relaxer.closed = max(relaxer.closed, bound) if is_shut else relaxer.closed
-        return is_shut
+        if bound <= goal.cut + 0.1 * goal.width:
+            relaxer.closed = max(relaxer.closed, bound)
+            return True
+        # Not proved: disjuncts on which this mechanism does more power than those of the problem.
+        power, new = float(relaxer.statics.live @ rates.ravel()), Disjuncts.none()
+        if power > 0.0:
+            worth = BRACKET.worth_a_disjunct * goal.width
+            new = priced_disjuncts(flow, certifier, rates / power, worth).without(np.array([j]))
+        self._is_missing = len(new) > 0
+        if self._is_missing:
+            added = (*node.added, *relaxer.problem.column_blocks(new, new.contact))
+            self.node = replace(node, added=added)
+        return False
 
 
 class Reach:
