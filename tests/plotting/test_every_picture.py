@@ -9,7 +9,6 @@ import pytest
 import shapely
 from hypothesis import HealthCheck, given, seed, settings
 from tests.kit.exhaustive import mostly_slow
-from tests.kit.helpers import scenes
 
 from cvxlimit import Scene, Solution, builtin_scene, plotting, solve
 from cvxlimit.errors import InputError
@@ -18,6 +17,7 @@ from cvxlimit.masonry import BUILTIN
 from cvxlimit.plotting import PICTURES
 from cvxlimit.plotting.look import Saved
 from cvxlimit.plotting.visible import Faces
+from helpers import scenes
 
 DIAGONAL = (1.0, -2.0, 0.6)
 """From elsewhere than a camera would be put."""

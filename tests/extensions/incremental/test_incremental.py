@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.kit.helpers import read, renumbered
 
 from cvxlimit import (
     Block,
@@ -23,6 +22,8 @@ from cvxlimit.errors import InputError, ModelError
 from cvxlimit.masonry import running_bond, wall
 from cvxlimit.scene.reactions import Tie
 from cvxlimit.solution import Status
+from grooves import wedge
+from helpers import read, renumbered
 
 PLAIN = Incremental(spread=False)
 GROUND = Block.box("ground", (-5, -5, -1), (5, 5, 0))
@@ -121,27 +122,6 @@ def test_closed_forms(name: str) -> None:
     assert found.status is Status.REACHED
     assert found.load_factor == pytest.approx(exact, rel=1e-6)
     assert_sound(found)
-
-
-def wedge(half: float, dip: float, friction: float) -> Scene:
-    """A wedge in a groove whose sides lean by ``half`` degrees from the upright, pushed down it."""
-    side, tilt = np.tan(np.radians(half)), np.radians(dip)
-    ends = {
-        "wedge": ([(0, 0), (side, 1), (-side, 1)], (0.0, 12.0), 20.0),
-        "left": ([(0, 0), (-side, 1), (-side - 1, 1), (-1, -1), (0, -1)], (-5.0, 25.0), None),
-        "right": ([(0, 0), (0, -1), (1, -1), (side + 1, 1), (side, 1)], (-5.0, 25.0), None),
-    }
-    blocks = []
-    for key, (outline, (start, end), density) in ends.items():
-        n = len(outline)
-        points = [(x, y, z) for y in (start, end) for x, z in outline]
-        faces = [tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1))]
-        faces += [(n + i, n + (i + 1) % n, (i + 1) % n, i) for i in range(n)]
-        blocks.append(Block.polyhedron(key, points, faces, density))
-    down = Load(gravity=(0.0, float(np.sin(tilt)), -float(np.cos(tilt))))
-    return Scene(
-        blocks, ["left", "right"], Load(acceleration=(0, 1, 0)), dead=down, friction=friction
-    )
 
 
 GROOVES = [(30, 15, 0.6), (30, 15, 0.58), (30, 15, 0.4), (45, 20, 0.5), (60, 25, 0.6)]
