@@ -156,6 +156,7 @@ def test_a_path_begins_where_the_way_from_rest_ends(name: str, first: float) -> 
     path = slid(scene, scene.contacts.typical_size / 100.0, most=1)
     assert path.load_factor[0] == pytest.approx(first, abs=1e-6)
     assert path.load_factor[0] == pytest.approx(reached.steps[-1].load_factor, rel=1e-6)
+    assert any(x.startswith("the path begins where the way from rest ends") for x in path.notes)
     assert (np.diff(path.load_factor) < 0.0).all()
     assert max(x.loss for x in path) < 1e-6  # a thousandth of what counts as none
     for shown in path:
@@ -171,3 +172,5 @@ def test_a_path_begins_somewhere_where_nobody_goes_the_way_from_rest(
     path = slid(scene, 0.01, most=0)
     from_rest.cache_clear()
     assert 0.355817 - 1e-6 <= path.load_factor[0] <= 0.403695
+    (told,) = (note for note in path.notes if note.startswith("the path begins"))
+    assert "not where a way from rest ends" in told

@@ -23,11 +23,11 @@ from cvxlimit.base.progressbar import Progress, heard_by
 from cvxlimit.errors import InputError, ModelError, NoAnswerError
 from cvxlimit.extensions.paths.configuration import Flow
 from cvxlimit.extensions.paths.following import Walk
-from cvxlimit.extensions.paths.path import LEVEL_FOR, WITHIN, Ending, Path, other_than
+from cvxlimit.extensions.paths.path import LEVEL_FOR, SLIDING, WITHIN, Ending, Path, other_than
 from cvxlimit.extensions.paths.proximal import go_on
 from cvxlimit.extensions.paths.refusing import no_path, refuse, stands
 from cvxlimit.extensions.paths.resting import FAR, REACH, At, Rest
-from cvxlimit.extensions.paths.starting import begun, with_resultants
+from cvxlimit.extensions.paths.starting import begun, from_rest, with_resultants
 from cvxlimit.extensions.paths.supports import guided
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
@@ -63,6 +63,12 @@ TURN, KEEP = (
 PUSHES = (
     "reactions have no stiffness: they push with their most as soon as blocks move against them, "
     "however little"
+)
+
+FROM_REST = "the path begins where the way from rest ends (method 'incremental')"
+NOT_FROM_REST = (
+    "the path begins in one of the states that friction without dilatancy allows, and not where a "
+    "way from rest ends: {why}"
 )
 
 GIVEN, LEVEL_ON = (
@@ -252,6 +258,8 @@ def pushover(
     if before is not None:
         before, step = before.with_control(about), step or before.step or None
     path = replace(_run(task, kind, step, before), halved=None, other_flow=None)
+    if kind == "zero-dilatancy" and not before and not motions and len(path):
+        path = replace(path, notes=(*path.notes, _beginning(path)))
     is_level = path.slides_away and path.level[0] == 0.0
     if path.followed and not is_level and path.status != "interrupted":
         rule, begin = other_than(kind), before.other_flow if before else None
@@ -289,6 +297,16 @@ def _halved(
             break
         half = None
     return path
+
+
+def _beginning(path: Path) -> str:
+    """Whether a path without dilatancy begins where the way from rest ends, or why it does not."""
+    found, first = from_rest(path.start), path.load_factor[0]
+    if isinstance(found, str):
+        return NOT_FROM_REST.format(why=found)
+    if abs(first - found[0]) <= SLIDING * abs(found[0]):
+        return FROM_REST
+    return NOT_FROM_REST.format(why=f"that is at {found[0]:.6g}, which the iterates did not keep")
 
 
 def _check_choices(**given: str | None) -> None:

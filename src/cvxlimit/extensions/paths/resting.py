@@ -208,7 +208,8 @@ class Rest:
         if isinstance(answer, Found) and not self.has_dilatancy:
             push = self.size * self.loads.size / self.loads.pace
             rest = None if self.motions else from_rest(self.scene)
-            answer, loss = increment.rates_without_dilatancy(push, SLIDING, rest)
+            known = None if isinstance(rest, str) else rest
+            answer, loss = increment.rates_without_dilatancy(push, SLIDING, known)
         return increment.points, answer, loss
 
     def settle(self, start: At, w: float) -> At | Failed:

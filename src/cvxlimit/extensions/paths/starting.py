@@ -44,18 +44,22 @@ def begun(scene: Scene) -> tuple[Scene, GeometryError | None]:
 
 
 @lru_cache(maxsize=1)  # of the scene of a path, for all of its runs
-def from_rest(scene: Scene) -> tuple[float, FloatArray] | None:
-    """The load factor and the rates (free blocks, 6) at the end of the way from rest; None where it
-    has no end, for cohesion, which has come apart by then, and without a method that goes it."""
-    way = Door("cvxlimit.methods").get("incremental")
-    if way is None or not len(scene.contacts) or scene.contacts.cohesion.any():
-        return None
+def from_rest(scene: Scene) -> tuple[float, FloatArray] | str:
+    """The load factor and the rates (free blocks, 6) at the end of the way from rest, or why a path
+    cannot begin there: the way has no end, cohesion has come apart by then, no method goes it."""
+    methods = Door("cvxlimit.methods")
+    if "incremental" not in methods:
+        return str(methods.missing("incremental") or "no method goes it")
+    if not len(scene.contacts):
+        return "no joint bears anything at rest"
+    if scene.contacts.cohesion.any():
+        return "the cohesion of joints that have slipped is gone there"
     try:
-        found = solve(scene, method=way(spread=False))
-    except CvxlimitError:
-        return None
+        found = solve(scene, method=methods["incremental"](spread=False))
+    except CvxlimitError as error:
+        return str(error)
     if found.status is not Status.REACHED or found.mechanism is None or not found.steps:
-        return None
+        return f"that is: {found.status}"
     rates = np.array([found.mechanism[scene.blocks[i].id] for i in scene.free])
     return found.steps[-1].load_factor, rates
 
