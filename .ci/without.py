@@ -59,4 +59,4 @@ if __name__ == "__main__":
         path.parent.name for path in (ROOT / EXTENSIONS).glob("*/__init__.py")
     )
     failures = [*filter(None, map(failure_without, names))]
-    sys.exit("; ".join(failures))
+    sys.exit("; ".join(failures) or 0)
