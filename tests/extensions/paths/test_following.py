@@ -26,7 +26,8 @@ from cvxlimit import (
 from cvxlimit.errors import ModelError
 from cvxlimit.extensions.paths import proof
 from cvxlimit.extensions.paths.configuration import Configuration
-from cvxlimit.extensions.paths.increment import Found, Increment, Loads
+from cvxlimit.extensions.paths.increment import Found, Increment
+from cvxlimit.extensions.paths.loads import Loads
 from cvxlimit.extensions.paths.points import Start
 from cvxlimit.masonry import arch, single_block, stack
 from cvxlimit.model.program import LimitProgram
@@ -186,7 +187,7 @@ def test_an_edge_across_a_rail_bears_on_the_rail_however_little_it_is_rolled(
     pose = begin.pose.moved(scene.free, np.concatenate([move, turn.as_rotvec()])[None])
     points = begin.points(pose)
     points = points.take(points.gap <= 1e-6)
-    found = Increment(scene, points, pose, Loads(scene)).solve(None)
+    found = Increment(scene, points, pose, Loads(scene)).largest()
     assert isinstance(found, Found)
     assert found.load_factor == pytest.approx(np.tan(left) / np.cos(twist), rel=1e-5)
 

@@ -4,10 +4,10 @@ Its doors are ``cvxlimit.commands`` (``pushover``), ``cvxlimit.readings``, ``cvx
 ``cvxlimit.files`` and ``cvxlimit.proofs``. To read: ``configuration.py`` and ``path.py``, the
 result, and ``moving.py``, its scenes; ``pairs.py``, ``points.py``, ``bars.py`` and ``bonds.py``,
 contacts of displaced blocks, ties, reactions and cohesion; ``starting.py``, where a path begins,
-``supports.py``, supports that move, and ``refusing.py``; ``increment.py``, one convex step;
+``loads.py`` and ``supports.py``, loads and supports that move; ``increment.py``, a convex step;
 ``resting.py``, iterates of it; ``following.py``, steps and snaps; ``proximal.py``, explicit steps
-where nothing comes to rest; ``pushover.py``, the call; ``fitting.py``,
-which motion of supports was it; ``proof.py`` and ``proving.py``;
+where nothing comes to rest; ``refusing.py`` and ``pushover.py``, the call; ``fitting.py``, which
+motion of supports was it; ``proof.py`` and ``proving.py``;
 ``code_check.py``, with ``oscillator.py`` and ``sliding.py``; ``wording.py``, a path in words;
 ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
 """

@@ -326,7 +326,7 @@ class Walk(Rest):
         """Returns the energy that is taken up between two configurations besides the dead load's
         work along its first directions, and what the live load does besides its own: loads that
         turn, and ties and reactions that give way."""
-        dead, live = self.loads.of_turning(one.pose, other.pose)
+        dead, live = self.loads.turning_work(one.pose, other.pose)
         yields = one.bonds.yielded(other.bonds) if one.bonds and other.bonds else 0.0
         return yields - dead, live
 

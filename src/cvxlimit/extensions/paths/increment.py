@@ -32,15 +32,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Any, ClassVar, NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
-from cvxlimit.extensions.paths.bars import Bars
 from cvxlimit.extensions.paths.configuration import Points
+from cvxlimit.extensions.paths.loads import Loads
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Balance
@@ -51,7 +50,6 @@ from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated
 from cvxlimit.model.statics import DOF, Scaling, Statics
 from cvxlimit.proof.checks import RESIDUAL
 from cvxlimit.scene import Scene
-from cvxlimit.scene.loads import Actions, Load
 from cvxlimit.solvers import Outcome, ladder_for
 from cvxlimit.solvers.matrices import Point
 from cvxlimit.solvers.program import ConeProgram
@@ -99,132 +97,12 @@ def point_forces(
 
 
 @dataclass(frozen=True, eq=False)
-class Loads:
-    """Dead and live load of a scene on displaced blocks; points of action move with the blocks.
-
-    Forces keep their direction, but for pressures, which stay on the faces that they were found on:
-    as large as they were, they turn with them. What ties and reactions push with at least is a part
-    of the dead load.
-    """
-
-    scene: Scene
-
-    @cached_property
-    def _actions(self) -> list[list[tuple[Actions, bool]]]:
-        """Forces of the dead and of the live load on free blocks, with their points of action, and
-        whether they turn."""
-        free, both = [self.scene.blocks[i] for i in self.scene.free], []
-        for load in (self.scene.dead, self.scene.live):
-            own = [(replace(load, pressures=()).actions(free), False)]
-            if load.pressures:
-                own.append((Load(pressures=load.pressures).actions(free), True))
-            both.append(own)
-        return both
-
-    def at(self, pose: Pose) -> tuple[FloatArray, FloatArray]:
-        """Returns the dead and the live load (6 free blocks,) about the moved centroids."""
-        both = []
-        for own in self._actions:
-            load = np.zeros((len(self.scene.free), DOF))
-            for what, turns in own:
-                block = self.scene.free[what.block]
-                arm = pose.placed(block, what.at) - pose.middle[block]
-                force, moment = what.force, what.moment
-                if turns:
-                    force, moment = pose.turned(block, force), pose.turned(block, moment)
-                turning = moment + np.cross(arm, force)
-                np.add.at(load, what.block, np.concatenate([force, turning], axis=1))
-            both.append(load)
-        dead, live = both
-        if self._bars.contacts.least.any():
-            dead = dead + self._bars.least_load(pose)[self.scene.free]
-        return dead.ravel(), live.ravel()
-
-    pace: ClassVar[Any] = 1.0
-    """How far blocks go for each w (length)."""
-
-    most: ClassVar[Any] = np.inf
-    """The largest w."""
-
-    def guided(self, statics: Statics, pose: Pose) -> Statics:
-        """Returns equilibrium as it is: no block is on a guide."""
-        return statics
-
-    def moved(self, pose: Pose, d: FloatArray) -> Pose:
-        """Returns the pose after finite displacements ``d`` (free blocks, 6)."""
-        return pose.moved(self.scene.free, d)
-
-    def placed(self, pose: Pose, w: float) -> Pose:
-        """Returns the pose with those blocks where they have to be at ``w``: none."""
-        return pose
-
-    def work(self, pose: Pose) -> tuple[float, float]:
-        """Returns the work of the dead and of the live load from the first pose to this one, along
-        the directions that they had at first; that of moments is taken on the rotation vectors."""
-        both = []
-        for own in self._actions:
-            work = 0.0
-            for what, _ in own:
-                block = self.scene.free[what.block]
-                way = pose.placed(block, what.at) - what.at
-                work += float((what.force * way).sum())
-                if what.moment.any():
-                    turn = Rotation.from_matrix(pose.turn[block]).as_rotvec()
-                    work += float((what.moment * turn).sum())
-            both.append(work)
-        dead, live = both
-        if (least := self._bars.contacts.least).any():
-            dead -= float(least @ (self._bars.at(pose)[2] - self._bars.first))
-        return dead, live
-
-    @cached_property
-    def _bars(self) -> Bars:
-        return Bars(self.scene)
-
-    def push(self, w: float, start: Pose, pose: Pose) -> float:
-        """Returns by how much the live load has yet to move until its mean displacement is ``w``,
-        times the load. What turns does so many times more work along its own directions as it has
-        done since the ``start`` of the step."""
-        done = self.work(pose)[1]
-        left = w * self.size - done
-        if not any(turns for _, turns in self._actions[1]):
-            return left
-        along = done - self.work(start)[1]
-        own = along + self.of_turning(start, pose)[1]
-        return left * own / along if own * along > 0.0 else left
-
-    def of_turning(self, one: Pose, other: Pose) -> tuple[float, float]:
-        """Returns what the work of the dead and of the live load from one pose to another gains by
-        their turning with the faces: they have the mean of both directions on the way."""
-        both = []
-        for own in self._actions:
-            work = 0.0
-            for what, turns in own:
-                if turns:
-                    block = self.scene.free[what.block]
-                    way = other.placed(block, what.at) - one.placed(block, what.at)
-                    ends = one.turned(block, what.force), other.turned(block, what.force)
-                    work += float(((0.5 * (ends[0] + ends[1]) - what.force) * way).sum())
-            both.append(work)
-        return both[0], both[1]
-
-    @cached_property
-    def size(self) -> float:
-        """Sum of the sizes of the live load's forces, by which its work is divided for w; for
-        moments alone their sum over the contact size."""
-        live = [what for what, _ in self._actions[1]]
-        force = sum(float(np.linalg.norm(what.force, axis=1).sum()) for what in live)
-        moment = sum(float(np.linalg.norm(what.moment, axis=1).sum()) for what in live)
-        return force or moment / self.scene.contacts.typical_size
-
-
-@dataclass(frozen=True, eq=False)
 class Found:
     """The answer of an increment.
 
     ``forces`` (k, 3) are n, v1, v2 at the points and ``d`` (free blocks, 6) is the displacement to
-    the next iterate, which the program's ``duals`` (equations,) state; ``way`` are the solver's
-    iterates, those closest to the solution first.
+    the next iterate, which the program's ``duals`` (equations,) are in its own units; ``way`` has
+    the solver's iterates, those closest to the solution first.
     """
 
     outcome: Outcome
@@ -292,10 +170,10 @@ def _inside(cones: FloatArray) -> FloatArray:
 class Increment:
     """The convex problems of one iterate, for blocks at a pose with points and loads.
 
-    ``push`` is by how much the live load has yet to move, times the load: a number, or a CVXPY
-    Parameter, as ``gap`` (k,) and ``slip`` (k, 2) in ``goal`` may be. Blocks of a planar scene move
-    in its plane, whose normal is ``across`` (3,): with a displacement its mirror image is one, and
-    so is the mean of both.
+    ``push`` is by how much the live load has yet to move, times the load (work); in :meth:`goal` it
+    may be a CVXPY Parameter, as gaps and slips may. Blocks of a planar scene move in its plane,
+    whose normal is ``across`` (3,): with a displacement its mirror image is one, and so is the mean
+    of both.
     """
 
     def __init__(
@@ -303,6 +181,8 @@ class Increment:
         across: FloatArray | None = None,
     ) -> None:  # fmt: skip
         self.points, self.across, n = points, across, len(points)
+        self._scale = shear_scale(points.friction, points.cohesion)
+        self._tolerance = max(_GAP * n, FINE)
         # Every point is a contact of one corner.
         size = scene.contacts.typical_size
         contacts = Contacts(
@@ -320,6 +200,7 @@ class Increment:
             cohesion=points.cohesion / size**2,
             most=points.most - points.least,
         )
+        # Contacts compute it from their polygon, which a point has not.
         contacts.__dict__["torsion_arm"] = np.full(n, size)
         number = np.full(len(scene.blocks), -1)
         number[scene.free] = np.arange(len(scene.free))
@@ -337,17 +218,19 @@ class Increment:
         formulation = partial(point_forces, is_stated=is_stated, held=held)
         return LimitProgram(self.assemblage, [Rocking()], formulation=formulation, goal=goal)
 
-    def goal(self, push: Any, gap: Any, slip: tuple[Any, Any]) -> Callable[[Stated], Any]:
+    def goal(
+        self, push: Any, gap: Any, slip: tuple[Any, Any] | None = None
+    ) -> Callable[[Stated], Any]:
         """Returns the function that states the objective of the module's text, in units of the
-        scaling."""
-        scaling, mu = self.assemblage.scaling, self._scale
-        unit = scaling.length
+        scaling. ``slip`` are both components (k,) each, those of the points unless given."""
+        scaling, mu, unit = self.assemblage.scaling, self._scale, self.assemblage.scaling.length
+        along = (self.points.slip[:, 0], self.points.slip[:, 1]) if slip is None else slip
 
         def stated(found: Stated) -> Any:
             factor = scaling.load_factor(1.0) / (scaling.force * unit)
             goal = times(factor * push, found.factor)
             at = np.zeros(len(mu), np.int64)
-            terms: Any = zip(("n", "v1", "v2"), (gap, *slip), (1.0, mu, mu), strict=True)
+            terms: Any = zip(("n", "v1", "v2"), (gap, *along), (1.0, mu, mu), strict=True)
             for name, lack, weight in terms:
                 own = found.forces[name]
                 goal = goal - gathered(times(product(weight / unit, lack), own), at, 1)
@@ -355,24 +238,37 @@ class Increment:
 
         return stated
 
-    def solve(self, push: float | None, near: Near | None = None) -> Found | Outcome:
-        """Returns the answer, or the last solver's outcome if none has one. With ``push`` None it
-        is the largest load factor, and d is a rate."""
-        if push is None:
-            return self._run(self.problem(), FINE)
-        return self._pushed(push, self.points.gap, near)
+    def largest(self) -> Found | Outcome:
+        """Returns the largest load factor, with a mechanism of live power 1 for ``d``; or the last
+        solver's outcome if none has an answer, as the following do."""
+        return self._run(self.problem(), FINE)
+
+    def solve(
+        self, push: float, gap: FloatArray | None = None, near: Near | None = None
+    ) -> Found | Outcome:
+        """Returns the answer for a ``push``, with gaps (k,) in place of those of the points if
+        given, from starting points ``near`` by.
+
+        Blocks that clamp each other may press without bound, so much that equilibrium is lost in
+        rounding. Then all gaps are wider by rounding: what bears across that little does not.
+        """
+        gap = self.points.gap if gap is None else gap
+        found = self._run(self.problem(self.goal(push, gap)), self._tolerance, near)
+        if isinstance(found, Found) and not self._is_balanced(found):
+            gap = gap + ROUNDING * self.assemblage.scaling.length
+            found = self._run(self.problem(self.goal(push, gap)), self._tolerance)
+        return found
 
     def priced(self, push: float, slides: FloatArray, least: float = 0.0) -> Found | Outcome:
         """Returns forces without dilatancy, for slips of the sizes ``slides`` (k,), and ``least``
         (length) by which all gaps are wider besides."""
-        gap = self.points.gap + self.points.friction * slides + least
-        return self._pushed(push, gap)
+        return self.solve(push, self.points.gap + self.points.friction * slides + least)
 
     def held(self, push: float, n: FloatArray) -> Found | Outcome:
         """Returns displacements without dilatancy, with friction limited by compressions ``n``
         (k,)."""
-        goal = self._given(push, self.points.gap)
-        return self._run(self.problem(goal, np.maximum(n, 0.0)), self._fine)
+        goal = self.goal(push, self.points.gap)
+        return self._run(self.problem(goal, np.maximum(n, 0.0)), self._tolerance)
 
     def rates_without_dilatancy(
         self, push: float, enough: float, rest: tuple[float, FloatArray] | None = None,
@@ -387,16 +283,16 @@ class Increment:
         """
         best: tuple[Found | Outcome, float] = Outcome("no answer", 0.0, 0.0), np.inf
         slides = np.full(len(self.points), push)
-        given = None if rest is None else self._carrying(push, *rest)
+        answer = None if rest is None else self._carrying(push, *rest)
         for _ in range(most):
             # Forces for the slips so far, then displacements with friction of these forces.
-            answer = moved = given if isinstance(given, Found) else self.priced(push, slides)
-            given = None
-            if isinstance(answer, Found):
-                moved = self.held(push, answer.forces[:, 0])
+            if not isinstance(answer, Found):
+                answer = self.priced(push, slides)
+            moved = self.held(push, answer.forces[:, 0]) if isinstance(answer, Found) else answer
             if not isinstance(answer, Found) or not isinstance(moved, Found):
                 return (moved, np.inf) if best[1] == np.inf else best
-            moves = self._moves(moved.d)
+            # The loss of these forces on these displacements, and the slips for the next pair.
+            moves = self.assemblage.statics.relative_rates(moved.d)[:, :3]
             slides = np.linalg.norm(moves[:, :2], axis=1)
             lost = replace(self.points, gap=moves[:, 2], slip=moves[:, :2]).lost(answer.forces)
             loss = lost / max(abs(answer.load_factor * push), 1e-300)
@@ -404,14 +300,15 @@ class Increment:
                 best = replace(answer, d=moved.d), loss
             if loss <= enough:
                 break
+            answer = None
         return best
 
-    def _moves(self, d: FloatArray) -> FloatArray:
-        return self.assemblage.statics.relative_rates(d)[:, :3]
-
     def _carrying(self, push: float, alpha: float, rates: FloatArray) -> Found | Outcome:
-        """Returns forces that carry a load factor, and lose as little as they can on rates."""
-        moves = self._moves(rates * (push / float(self.assemblage.statics.live @ rates.ravel())))
+        """Returns forces that carry the load factor ``alpha``, and lose as little as they can on
+        ``rates`` (free blocks, 6), of whatever size."""
+        statics = self.assemblage.statics
+        d = rates * (push / float(statics.live @ rates.ravel()))
+        moves = statics.relative_rates(d)[:, :3]
         slides = np.linalg.norm(moves[:, :2], axis=1)
         gap = moves[:, 2] + self.points.friction * slides
         # its own push makes any load factor as good as another: with a little more the most counts
@@ -422,28 +319,20 @@ class Increment:
             found.into.nonneg(-1.0 * (found.factor - most))
             return goal(found)
 
-        return self._run(self.problem(capped), self._fine)
+        return self._run(self.problem(capped), self._tolerance)
 
     def in_plane(self, d: FloatArray) -> FloatArray:
         """Returns displacements (free blocks, 6) without what leaves the plane of a planar
         scene, and what guides allow of them."""
-        if (guide := self.assemblage.statics.guide) is not None:
+        guide = self.assemblage.statics.guide
+        if guide is not None:
             d = np.asarray(guide @ d.ravel()).reshape(-1, DOF)
         if self.across is None:
             return d
         shift, turn = d[:, :3], d[:, 3:]
-        out, about = (np.outer(each @ self.across, self.across) for each in (shift, turn))
+        out = np.outer(shift @ self.across, self.across)
+        about = np.outer(turn @ self.across, self.across)
         return np.concatenate([shift - out, about], axis=1)
-
-    def _pushed(self, push: float, gap: FloatArray, near: Near | None = None) -> Found | Outcome:
-        """Returns the answer for gaps (k,). Blocks that clamp each other may press without bound,
-        so much that equilibrium is lost in rounding: what bears across a gap of rounding does not.
-        """
-        found = self._run(self.problem(self._given(push, gap)), self._fine, near)
-        if isinstance(found, Found) and not self._is_balanced(found):
-            gap = gap + ROUNDING * self.assemblage.scaling.length
-            found = self._run(self.problem(self._given(push, gap)), self._fine)
-        return found
 
     def _is_balanced(self, found: Found) -> bool:
         """Returns whether forces balance the loads as well as a proof asks for."""
@@ -453,19 +342,6 @@ class Increment:
         left = self.assemblage.statics.residual(forces, found.load_factor)
         left[:, 3:] /= self.assemblage.scaling.length
         return float(np.abs(left).max()) <= RESIDUAL * self.assemblage.scaling.force
-
-    def _given(self, push: float, gap: FloatArray) -> Callable[[Stated], Any]:
-        """Returns the goal of moving by ``push`` with gaps (k,), and the slips of the points."""
-        slip = self.points.slip
-        return self.goal(push, gap, (slip[:, 0], slip[:, 1]))
-
-    @property
-    def _scale(self) -> FloatArray:
-        return shear_scale(self.points.friction, self.points.cohesion)
-
-    @property
-    def _fine(self) -> float:
-        return max(_GAP * len(self.points), FINE)
 
     def _run(
         self, problem: LimitProgram, tolerance: float, near: Near | None = None

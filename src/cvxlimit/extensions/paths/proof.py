@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from cvxlimit.extensions.paths.configuration import Flow, Points
-from cvxlimit.extensions.paths.increment import FINE, Increment, Loads, point_forces
+from cvxlimit.extensions.paths.increment import FINE, Increment, point_forces
+from cvxlimit.extensions.paths.loads import Loads
 from cvxlimit.extensions.paths.pairs import CLOSED, Pose
 from cvxlimit.extensions.paths.supports import opening_field
 from cvxlimit.model.assemblage import Balance

@@ -168,7 +168,7 @@ class Rest:
         each = [*dict.fromkeys(pairs)]
 
         def with_points(points: Points) -> float:
-            answer = self.increment(points, pose).solve(None)
+            answer = self.increment(points, pose).largest()
             return answer.load_factor if isinstance(answer, Found) else np.inf
 
         for which in [[one] for one in each[:_SLIVERS]] + [each] * (len(each) > 1):
@@ -188,7 +188,7 @@ class Rest:
         """The points at which the scene as given bears: those of its contacts; where these have no
         equilibrium, as blocks start on edges and corners, all that are closed."""
         points = self.begin.at_rest()
-        if len(points) and isinstance(self.increment(points, self.begin.pose).solve(None), Found):
+        if len(points) and isinstance(self.increment(points, self.begin.pose).largest(), Found):
             return points
         return self._closed(self.begin.points(self.begin.pose))
 
@@ -204,7 +204,7 @@ class Rest:
         """Returns the points at which the scene as given is closed, the largest load factor there
         with the rates of its mechanism, and their loss."""
         increment = self.first_increment()
-        answer, loss = increment.solve(None), 0.0
+        answer, loss = increment.largest(), 0.0
         if isinstance(answer, Found) and not self.has_dilatancy:
             push = self.size * self.loads.size / self.loads.pace
             rest = None if self.motions else from_rest(self.scene)
@@ -289,7 +289,7 @@ class Rest:
             points, number = begin.numbered(pose)
             push = self.loads.push(w, start.pose, pose)
             near = Near(*last, number) if last else None
-            answer = self.increment(points, pose).solve(push, near)
+            answer = self.increment(points, pose).solve(push, near=near)
             if not isinstance(answer, Found):
                 return self._no_answer(answer, w, moved)
             moved = self.moved(answer.d)

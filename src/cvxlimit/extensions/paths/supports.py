@@ -24,7 +24,8 @@ from scipy.spatial.transform import Rotation
 
 from cvxlimit.base.arrays import EPSILON, ROUNDING, FloatArray
 from cvxlimit.errors import InputError
-from cvxlimit.extensions.paths.increment import FINE, Increment, Loads
+from cvxlimit.extensions.paths.increment import FINE, Increment
+from cvxlimit.extensions.paths.loads import Loads
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.model.sinks import Form, Rows
 from cvxlimit.model.statics import DOF, Statics
