@@ -20,7 +20,7 @@ from cvxlimit.extensions.dilatancy.zero_dilatancy import ZeroDilatancy
 from cvxlimit.methods.convex import ConvexSearch
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, proved, unseen
-from cvxlimit.proving.solutions import ProvedAgain, with_mortar
+from cvxlimit.proving.again import ProvedAgain, with_mortar
 from cvxlimit.solution.bracket import Evidence, rounded_down, rounded_up
 from cvxlimit.solution.records import APART, RESIDUALS
 from cvxlimit.solvers import LimitState, Outcome

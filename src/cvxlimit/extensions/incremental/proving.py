@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from cvxlimit.proof.checks import RESIDUAL, Check, proved
 from cvxlimit.proof.strength import Strength
-from cvxlimit.proving.solutions import ProvedAgain
+from cvxlimit.proving.again import ProvedAgain
 from cvxlimit.surfaces import Rocking, Sliding
 
 

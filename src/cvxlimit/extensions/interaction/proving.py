@@ -19,7 +19,9 @@ from cvxlimit.extensions.interaction.restriction.lower_bound import (
 from cvxlimit.methods.driver import Run
 from cvxlimit.proof.admissible import INSIDE
 from cvxlimit.proof.checks import Check, proved
-from cvxlimit.proving.solutions import ProvedAgain, known_or_asked, rests_on_a_tree
+from cvxlimit.proving.again import ProvedAgain
+from cvxlimit.proving.claims import rests_on_a_tree
+from cvxlimit.proving.solutions import known_or_asked
 from cvxlimit.readings.named import parse_moments, reading_of
 from cvxlimit.solution.bracket import Bracket
 

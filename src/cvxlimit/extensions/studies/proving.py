@@ -28,8 +28,9 @@ from cvxlimit.io.fields import parsed, refusals
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.io.scenes import scene_digest, scene_from_dict
 from cvxlimit.proof.checks import Check, compared, unseen
+from cvxlimit.proving.claims import asked_checks
 from cvxlimit.proving.prove import BOTH_CASES, Proof, Scenes, scene_of
-from cvxlimit.proving.solutions import asked_checks, solution_checks
+from cvxlimit.proving.solutions import solution_checks
 from cvxlimit.scene import Scene
 from cvxlimit.surfaces.coulomb import surfaces_of, words_of
 

@@ -25,14 +25,9 @@ from cvxlimit.extensions.studies.domains.search import NEAR, Search, Study, stat
 from cvxlimit.extensions.studies.domains.supports import Support
 from cvxlimit.io.scenes import scene_digest
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, compared, follows, proved, unseen
+from cvxlimit.proving.claims import asked_checks, bound_checks, derived_checks
 from cvxlimit.proving.prove import Proof, Scenes, scene_of
-from cvxlimit.proving.solutions import (
-    asked_checks,
-    bound_checks,
-    derived_checks,
-    solution_checks,
-    surface_meant,
-)
+from cvxlimit.proving.solutions import solution_checks, surface_meant
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import combined
 from cvxlimit.solution import LOAD_FACTOR, Solution, Status

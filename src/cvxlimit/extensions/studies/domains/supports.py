@@ -38,7 +38,7 @@ from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.strength import Strength
-from cvxlimit.proving.solutions import evidence_of
+from cvxlimit.proving.again import evidence_of
 from cvxlimit.reductions.choice import Reductions
 from cvxlimit.scene import Scene
 from cvxlimit.scene.loads import Load, combined
