@@ -102,10 +102,10 @@ class ConeProgram:
         outcome, solution = attempted(settings, bool(self.cones), compiled)
         if solution is None or not outcome.has_values:
             return outcome, None, None
-        if not solution.dual_vars:
+        if not solution.dual_vars and (self.zero or all_duals):
             return replace(outcome, status=_NO_DUALS), None, None
         (x,) = solution.primal_vars.values()
-        y = np.concatenate([np.ravel(part) for part in solution.dual_vars.values()])
+        y = np.concatenate([np.zeros(0), *map(np.ravel, solution.dual_vars.values())])
         return outcome, np.asarray(x), y if all_duals else y[: self.zero]
 
     def _for_cvxpy(
@@ -128,8 +128,8 @@ class ConeProgram:
         inverse = {
             ConicSolver.VAR_ID: 0,
             ConicSolver.DIMS: dims,
-            ConicSolver.EQ_CONSTR: [_rows(p, "equations")],
-            ConicSolver.NEQ_CONSTR: [_rows(rows - p, "others")] if all_duals else [],
+            ConicSolver.EQ_CONSTR: [_rows(p, "equations")] if p else [],
+            ConicSolver.NEQ_CONSTR: [_rows(rows - p, "others")] if all_duals and rows > p else [],
             keys.OFFSET: 0.0,
         }
         return data, inverse
