@@ -250,12 +250,30 @@ def test_it_shows_what_it_is() -> None:
         (lambda p: p.remove("a"), "there is no added limit 'a': there are none"),
         (lambda p: p.maximise(p.N), "only one number that is concave"),
         (lambda p: p.maximise(cp.sum_squares(p.N)), "only one number that is concave"),
+        (lambda p: p.maximise(3.0), r"an aim must be of forces, as problem.N\[0\], got 3.0"),
+        (lambda p: p.maximise(cp.Constant(3.0)), "an aim must be of forces"),
+        (lambda p: p.add("a", cp.Constant(2.0) <= 1.0), "limit 'a' must be on forces"),
         (lambda p: p.N["groun-b1.1"], "there is no contact 'groun-b1.1': did you mean"),
     ],
 )
 def test_refused_changes(change: Any, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         change(LimitProblem(builtin_scene("tuff-wall")))
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_numbers_that_are_not_finite(number: float) -> None:
+    changes: list[tuple[Any, str]] = [
+        (lambda p: p.add("a", p.factor <= number), "limit 'a' has a number that is not finite"),
+        (lambda p: p.add("a", number * p.N[0] <= p.factor), "limit 'a' has a number"),
+        (lambda p: p.maximise(number * p.N[0]), "the aim has a number that is not finite"),
+    ]
+    for change, message in changes:
+        problem = LimitProblem(builtin_scene("single-block"))
+        problem.add("b", problem.factor == 0.1)
+        change(problem)
+        with pytest.raises(ModelError, match=message):
+            problem.solve()
 
 
 @pytest.mark.parametrize(

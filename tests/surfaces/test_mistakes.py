@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
+import cvxpy as cp
 import numpy as np
 import pytest
 
-from cvxlimit import Contacts, solve
+from cvxlimit import Contacts, Status, builtin_scene, solve
 from cvxlimit.errors import ModelError
 from cvxlimit.masonry import single_block
 from cvxlimit.surfaces import (
@@ -45,7 +47,7 @@ class Constant(YieldSurface):
         self.condition = condition
 
     def conditions(self, contacts: Contacts) -> Sequence[Condition]:
-        return [self.condition]
+        return self.condition and [self.condition]
 
 
 def test_without_super_its_cone_is_the_circle() -> None:
@@ -65,6 +67,35 @@ def test_without_super_its_cone_is_the_circle() -> None:
 def test_a_constant_in_the_wrong_place(condition: Condition, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         solve(single_block(), [Rocking(), Constant(condition)])
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        (Condition([Norm({"V1": 1})], {"N": 1.0}, np.array([-1])), "from 0 to 0, got array"),
+        (Condition([Norm({"V1": 1})], {"N": 1.0}, np.array([1])), "from 0 to 0, got array"),
+        (Condition([Norm({"V1": 1})], {"N": 1.0}, np.array([0.0])), "numbers of contacts"),
+        (Condition([Norm()], {"N": 1.0}), "a Norm in surface 'constant' has no rows"),
+        (Condition([Norm({"V1": 1})], {"N": "0.5"}), "must be a number, got '0.5'"),
+        (Condition([Norm({"V1": 1})], {"N": cp.Variable(name="mu")}), "must not hold a variable"),
+        (None, "must state Condition objects, got None"),
+    ],
+)  # fmt: skip
+def test_what_is_no_condition_on_these_contacts(condition: Any, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        solve(single_block(), [Rocking(), Constant(condition)])
+
+
+@pytest.mark.parametrize(
+    "most",
+    [Condition([Norm({"V1": 1})], {"1": -0.2}), Condition([], {"N": -1.0, "1": -1.0})],
+    ids=["negative", "pulled"],
+)
+def test_a_surface_that_admits_nothing_has_no_load_factor(most: Condition) -> None:
+    """Also where solvers say that any load factor is carried, and forces carry the live load."""
+    found = solve(builtin_scene("tuff-wall"), [Rocking(), Constant(most)])
+    assert found.status is Status.NOT_CERTIFIED
+    assert "'constant' admits no compression at contact 'ground-b1.1'" in found.note
 
 
 def test_a_named_surface_is_no_polygon(monkeypatch: pytest.MonkeyPatch) -> None:

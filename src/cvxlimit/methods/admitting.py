@@ -30,10 +30,10 @@ def without_answer(run: Run) -> str:
     claims = [outcome.status for _, outcome in run.attempts if outcome.claims_no_optimum]
     if not claims:
         return ""
-    if claims[-1] == UNBOUNDED:
+    nothing = next(filter(None, (_nothing(surface, run) for surface in run.surfaces)), "")
+    if claims[-1] == UNBOUNDED and not nothing:
         said = "solvers find forces for any load factor, which was not proved"
         return "; ".join(filter(None, [said, unlimited(run)]))
-    nothing = next(filter(None, (_nothing(surface, run) for surface in run.surfaces)), "")
     said = "solvers find no forces within the surfaces that carry these loads"
     return "; ".join(filter(None, [f"{said}, which was not proved", nothing]))
 

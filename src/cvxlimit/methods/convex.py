@@ -41,6 +41,7 @@ from cvxlimit.methods.standing import (
 )
 from cvxlimit.methods.wedging import judged
 from cvxlimit.model.program import LimitProgram
+from cvxlimit.model.statics import DOF
 from cvxlimit.reductions.choice import PLANAR_FROM
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import TOLERANCE, Bracket, Certificate, known
@@ -326,7 +327,12 @@ class ConvexSearch:
         """True if forces carry the live load alone, hence any multiple of it; asked once."""
         if not self._is_new("live load"):
             return False
-        live = self.run.assemblage.statics.live
+        # Surfaces that refuse joints that bear nothing may admit nothing at all.
+        contacts, live = self.run.contacts, self.run.assemblage.statics.live
+        bare = (s.excess(np.zeros((len(contacts), DOF)), contacts) for s in self.run.surfaces)
+        refuses = any((y > 0.0).any() for excess in bare for y in excess)
+        if refuses and self.certifier.references.dead_state is None:
+            return False
         if (forces := self.aside.carrying(live, *self.certifier.strength.recession())) is not None:
             self.run.best = replace(self.run.best, forces=forces, mechanism=None)
         return forces is not None

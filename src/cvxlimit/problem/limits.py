@@ -105,8 +105,8 @@ class OwnLimits:
             self.no_rows = self._beyond()
             return
         self._compiled, self.dims = data["param_prob"], data[ConicSolver.DIMS]
-        cost, _, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
-        self._matrix, self._sizes = sp.csc_array(matrix), (len(cost), len(right))
+        cost, _, self._matrix, right = self._present()
+        self._sizes = len(cost), len(right)
         # rows in units of their largest entry, those of one cone in the same
         rows = np.asarray(abs(self._matrix).max(axis=1).toarray(), dtype=float).ravel()
         for at in self._cones():
@@ -144,10 +144,28 @@ class OwnLimits:
 
     @property
     def value(self) -> FloatArray:
-        cost, _, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
-        found = sp.csc_array(matrix)
+        cost, _, found, right = self._present()
         entries = found.data / self.unit[found.indices]
-        return np.concatenate([entries, np.asarray(right) / self.unit, np.asarray(cost)])
+        return np.concatenate([entries, right / self.unit, cost])
+
+    def _present(self) -> tuple[FloatArray, float, sp.csc_array, FloatArray]:
+        """Cost, offset, matrix and right-hand sides, at the Parameters' present values.
+
+        Raises
+        ------
+        ModelError
+            For numbers that are not finite.
+        """
+        cost, offset, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
+        cost, matrix, right = np.asarray(cost), sp.csc_array(matrix), np.asarray(right)
+        cure = "has a number that is not finite: leave out what limits nothing"
+        for at, values in ((matrix.indices, matrix.data), (np.arange(len(right)), right)):
+            if not np.isfinite(values).all():
+                name = self._labels()[int(at[~np.isfinite(values)][0])] or self.names[0]
+                raise ModelError(f"limit {name!r} {cure}")
+        if not np.isfinite([*cost, offset]).all():
+            raise ModelError(f"the aim {cure}")
+        return cost, float(offset), matrix, right
 
     def _cones(self) -> list[slice]:
         start = self.dims.zero + self.dims.nonneg
@@ -213,10 +231,10 @@ class OwnLimits:
         if not self.has_rows:
             only = "bounds are computed from linear rows and norms alone"
             return f"{self.no_rows}, and {only}: nothing is proved of problem.value"
-        cost, offset, matrix, right = self._compiled.apply_parameters(keep_zeros=True)
+        cost, offset, matrix, right = self._present()
         aim = None
         # Parameters change right-hand sides as a rule: rows on contacts are kept with their numbers
-        numbers = np.concatenate([sp.csc_array(matrix).data, np.asarray(cost)])
+        numbers = np.concatenate([matrix.data, cost])
         if self._before is None or not np.array_equal(self._before[0], numbers):
             rows = sp.vstack([sp.csr_array(-matrix), sp.csr_array(-cost[None, :])], format="csc")
             self._before = numbers, self._on_forces(rows, internal, forces, factor, load)
@@ -228,7 +246,7 @@ class OwnLimits:
             aim = found[[-1]], float(alpha[-1]), others[-1], -float(offset)
         labels, zero = tuple(self._labels()), np.arange(len(right)) < self.dims.zero
         return ContactLimits(
-            labels, found[:-1], alpha[:-1], np.asarray(right), others[:-1], zero,
+            labels, found[:-1], alpha[:-1], right, others[:-1], zero,
             tuple(self._cones()), aim,
         )  # fmt: skip
 

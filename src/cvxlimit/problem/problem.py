@@ -243,6 +243,8 @@ class LimitProblem:
                 raise ModelError(
                     f"limit {name!r} must be a CVXPY constraint, as problem.N <= 3, got {limit!r}"
                 )
+            if not limit.variables():
+                raise ModelError(f"limit {name!r} must be on forces, got {limit}")
             if not limit.is_dcp():
                 raise ModelError(f"limit {name!r} is not convex by CVXPY's rules (DCP): {limit}")
             self._refuse_foreign(f"limit {name!r}", limit)
@@ -276,7 +278,7 @@ class LimitProblem:
     def _change(self, limits: dict[str, tuple[cp.Constraint, ...]]) -> None:
         self._stated.change(limits, self._stated.aim, self._stated.sense)
 
-    def maximise(self, expression: cp.Expression | float | None) -> None:
+    def maximise(self, expression: cp.Expression | None) -> None:
         """Maximise a concave expression in place of the load factor; None goes back to that. Fix
         the load factor by a limit, ``problem.add("load", problem.factor == 1)``, for the largest
         force under given loads. ``maximize`` is the same.
@@ -284,11 +286,11 @@ class LimitProblem:
         Raises
         ------
         ModelError
-            For an expression that CVXPY does not find concave.
+            For what is no expression of forces, or none that CVXPY finds concave.
         """
         self._aim_at(expression, 1.0)
 
-    def minimise(self, expression: cp.Expression | float | None) -> None:
+    def minimise(self, expression: cp.Expression | None) -> None:
         """Minimise a convex expression, as :meth:`maximise`; ``minimize`` is the same.
 
         Raises
@@ -300,11 +302,12 @@ class LimitProblem:
 
     maximize, minimize = maximise, minimise
 
-    def _aim_at(self, expression: cp.Expression | float | None, sense: float) -> None:
-        aim = None if expression is None else cp.Constant(0.0) + expression
+    def _aim_at(self, aim: cp.Expression | None, sense: float) -> None:
+        if aim is not None and not (isinstance(aim, cp.Expression) and aim.variables()):
+            raise ModelError(f"an aim must be of forces, as problem.N[0], got {aim!r}")
         if aim is not None and not (aim.is_scalar() and (sense * aim).is_concave()):
             which = "concave can be maximised" if sense > 0.0 else "convex can be minimised"
-            raise ModelError(f"only one number that is {which}, got {expression}")
+            raise ModelError(f"only one number that is {which}, got {aim}")
         if aim is not None:
             self._refuse_foreign("the aim", aim)
         self._stated.change(self._stated.limits, aim, 1.0 if aim is None else sense)

@@ -206,7 +206,10 @@ def conditions_of(
 ) -> list[tuple[YieldSurface, Condition]]:
     """Returns the conditions of several surfaces, after checks for what is easily mistyped;
     ``parts`` are components that they may name besides the six."""
-    count, result = len(contacts), [(s, c) for s in surfaces for c in s.conditions(contacts)]
+    count, result = len(contacts), list[tuple[YieldSurface, Condition]]()
+    for surface in surfaces:
+        every = surface.conditions(contacts)
+        result += [(surface, c) for c in (every if isinstance(every, Iterable) else [every])]
     for surface, condition in result:
         check_condition(condition, f"surface {surface.name!r}", count, parts)
     return result
@@ -224,21 +227,30 @@ def check_condition(
     forms name unknown components, or whose coefficients have the wrong shape, size or sign."""
     if not isinstance(condition, Condition):
         raise ModelError(f"{owner} must state Condition objects, got {condition!r}")
-    if condition.contact is not None and np.ndim(condition.contact) != 1:
+    of_rows = condition.contact
+    if of_rows is not None and np.ndim(of_rows) != 1:
         raise ModelError(
             f"contact of a condition in {owner} must be the contact of each row, got "
-            f"{condition.contact!r}: a constant belongs into the resistance, as {{'1': ...}}"
+            f"{of_rows!r}: a constant belongs into the resistance, as {{'1': ...}}"
         )
-    rows = contacts if condition.contact is None else len(condition.contact)
-    known = [*COMPONENTS, CONSTANT, *parts]
+    known = np.arange(contacts)
+    numbers = known if of_rows is None else np.asarray(of_rows)
+    if numbers.dtype.kind not in "iu" or not np.isin(numbers, known).all():
+        raise ModelError(
+            f"contact of a condition in {owner} must be numbers of contacts, from 0 to "
+            f"{contacts - 1}, got {of_rows!r}"
+        )
+    if not all(norm.rows for norm in condition.norms):
+        raise ModelError(f"a Norm in {owner} has no rows: leave it out, or write Norm({{'V1': 1}})")
+    rows, names = len(numbers), [*COMPONENTS, CONSTANT, *parts]
     for form in condition.forms():
         if not isinstance(form, Mapping):
             raise ModelError(
                 f"{owner} must state forces times numbers, as {{'N': 0.5}}, got {form!r}"
             )
         for component, coefficient in form.items():
-            if component not in known:
-                hint = meant(component, known, f"known are {', '.join(known)}", likeness=0.5)
+            if component not in names:
+                hint = meant(component, names, f"known are {', '.join(names)}", likeness=0.5)
                 raise ModelError(f"{owner} has no force component {component!r}: {hint}")
             _check_coefficient(coefficient, f"coefficient of {component} in {owner}", rows)
     for norm in condition.norms:
@@ -258,9 +270,14 @@ def check_condition(
 def _check_coefficient(coefficient: Coefficient, what: str, rows: int) -> None:
     """Raises ModelError unless a coefficient is a finite number, or one for each of the rows."""
     if isinstance(coefficient, cp.Expression):
+        if coefficient.variables():
+            raise ModelError(
+                f"{what} must not hold a variable, got {coefficient}: a force of one's own goes "
+                "into a limit, LimitProblem.add, and a number into a Parameter"
+            )
         return
     try:
-        values = np.asarray(coefficient, dtype=float)
+        values = np.asarray(coefficient).astype(float, casting="same_kind")
     except (TypeError, ValueError) as error:
         raise ModelError(f"{what} must be a number, got {coefficient!r}") from error
     if values.shape not in ((), (rows,)):
