@@ -159,9 +159,10 @@ class Solution:
     from_rest: FromRest | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        if (scene := self.solved_scene) is not None:
-            own = {"contact_names": scene.contacts.names, "units": scene.units}
-            self.__dict__.update(own, lumped=scene.lumped)
+        scene = self.solved_scene
+        if scene is not None:  # what files have of it
+            names = scene.contacts.names
+            self.__dict__.update(contact_names=names, units=scene.units, lumped=scene.lumped)
 
     def __repr__(self) -> str:
         """One line: what was solved, the load factor, its bracket, how it ended."""
@@ -183,8 +184,8 @@ class Solution:
 
     @property
     def advice(self) -> str:
-        """What the status means and what to do: no method that has just failed, but what is known
-        then."""
+        """What the status means and what to do; the note where that would be to use the method that
+        has just been used."""
         general = self.status.advice
         return self.note if f"'{self.flow}'" in general else general
 
@@ -293,12 +294,13 @@ class Solution:
         return self.bracket.is_proved
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leaves out surfaces of a script, a notebook or a function: whoever unpickles must be able
-        to import the module of a surface."""
-        kinds = [type(surface) for surface in self.surfaces]
-        lasts = all(k.__module__ != "__main__" and "<locals>" not in k.__qualname__ for k in kinds)
+        """Leaves out the problem, and surfaces of a script, a notebook or a function: whoever
+        unpickles must be able to import the module of a surface."""
         kept = {name: value for name, value in vars(self).items() if name != "problem"}
-        return kept if lasts else kept | {"surfaces": ()}
+        for kind in map(type, self.surfaces):
+            if kind.__module__ == "__main__" or "<locals>" in kind.__qualname__:
+                kept["surfaces"] = ()
+        return kept
 
     def of(self, scene: Scene, surfaces: Sequence[YieldSurface] = ()) -> Solution:
         """The same solution with its scene, which tables and pictures need.
@@ -323,9 +325,10 @@ class Solution:
                     f"the solution of {self.scene_name!r} has {own} {what}, but scene "
                     f"{scene.name!r} has {found}: it does not belong to it"
                 )
-        if missing := sorted(set(free) - set(free if self.mechanism is None else self.mechanism)):
+        if self.mechanism is not None and not set(free) <= set(self.mechanism):
+            missing = min(set(free) - set(self.mechanism))
             raise InputError(
-                f"the mechanism lacks block {missing[0]!r}: the solution of {self.scene_name!r} "
+                f"the mechanism lacks block {missing!r}: the solution of {self.scene_name!r} "
                 f"does not belong to scene {scene.name!r}"
             )
         return replace(self, solved_scene=scene, surfaces=tuple(surfaces) or self.surfaces)
@@ -502,13 +505,10 @@ class Solution:
         >>> "Checked by hand" in page
         True
         """
-        given: dict[str, Any] = {
-            "path": path,
-            "check": check,
-            "envelope": envelope,
-            "sensitivity": sensitivity,
-        }
-        given |= {"without_dilatancy": without_dilatancy, "notes": notes}
+        given = {
+            "path": path, "check": check, "envelope": envelope, "sensitivity": sensitivity,
+            "without_dilatancy": without_dilatancy, "notes": notes,
+        }  # fmt: skip
         return attached("solution_report")(self, file, given)
 
     def _repr_html_(self) -> str:

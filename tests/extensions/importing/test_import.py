@@ -24,7 +24,7 @@ from cvxlimit import Block, Load, Scene, Status, builtin_scene, solve
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.importing.bodies import Body, separated
 from cvxlimit.extensions.importing.digits import too_few_digits
-from cvxlimit.extensions.importing.reading import bodies_in
+from cvxlimit.extensions.importing.files import bodies_in
 from cvxlimit.geometry.mesh import triangulated
 from cvxlimit.geometry.solids import solid
 from cvxlimit.io import export, import_geometry, read_bodies

@@ -1,11 +1,11 @@
 """Geometry files read as scenes: OBJ, STL, PLY, glTF, OFF, DXF, COMPAS, 3DEC, tables of boxes.
 
 Its doors are ``cvxlimit.readers`` (formats, by suffix), ``cvxlimit.commands`` (``import``),
-``cvxlimit.files`` and ``cvxlimit.readings``. To read: ``reading.py``, from files to a scene;
-``bodies.py``, what a reader returns; ``obj.py``, ``off.py``, ``tables.py``, ``dxf.py``,
-``gltf.py``, ``meshes.py``, ``threedec.py`` and ``compas.py``, the formats; ``sheets.py``,
-``digits.py`` and ``supports.py``, what is made of bodies; ``compas_results.py``, the way back;
-``command.py``.
+``cvxlimit.files`` and ``cvxlimit.readings``. To read: ``reading.py``, from bodies to a scene;
+``files.py``, from files to bodies, and ``bodies.py``, what a reader returns; ``obj.py``,
+``off.py``, ``tables.py``, ``dxf.py``, ``gltf.py`` with ``gltf_data.py``, ``meshes.py``,
+``threedec.py`` and ``compas.py``, the formats; ``sheets.py``, ``digits.py`` and ``supports.py``,
+what is made of bodies; ``compas_results.py``, the way back; ``command.py``.
 """
 
 from cvxlimit.base.doors import Offered
@@ -15,7 +15,7 @@ OFFERED: Offered = {
     "cvxlimit.files": {
         "Imported": "cvxlimit.extensions.importing.reading:Imported",
         "import_geometry": "cvxlimit.extensions.importing.reading:import_geometry",
-        "read_bodies": "cvxlimit.extensions.importing.reading:read_bodies",
+        "read_bodies": "cvxlimit.extensions.importing.files:read_bodies",
     },
     "cvxlimit.readers": {
         ".obj": "cvxlimit.extensions.importing.obj:read_obj",

@@ -18,7 +18,8 @@ from cvxlimit.cli.report import SCENE_PICTURES, check_outputs, counted, facts, w
 from cvxlimit.cli.shell import ExitCode, show
 from cvxlimit.errors import GeometryError, InputError, ModelError
 from cvxlimit.extensions.importing.bodies import Body
-from cvxlimit.extensions.importing.reading import bodies_in, unstated
+from cvxlimit.extensions.importing.files import bodies_in
+from cvxlimit.extensions.importing.reading import unstated
 from cvxlimit.extensions.importing.supports import LOWEST
 from cvxlimit.geometry.blocks import Block
 from cvxlimit.io import Imported, import_geometry, write_scene

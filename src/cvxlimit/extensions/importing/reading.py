@@ -2,8 +2,8 @@
 
 :func:`import_geometry` takes four steps, and their helpers follow it in this order:
 
-1. Each file is read by the reader of its suffix, into bodies (:class:`Body`: corners, faces and
-   what else the file says), and bodies get names that differ.
+1. Each file is read by the reader of its suffix (:mod:`.files`), into bodies (:class:`Body`:
+   corners, faces and what else the file says), and bodies get names that differ.
 2. They are brought into the unit asked for, and densities into weights per volume.
 3. Supports are chosen, planes of no thickness become slabs, and bodies become blocks, which are
    checked.
@@ -16,13 +16,11 @@ Messages name the arguments of :func:`import_geometry`; where an argument is a p
 
 from __future__ import annotations
 
-import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,12 +28,11 @@ from numpy.typing import ArrayLike
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.base.checks import positive
-from cvxlimit.base.doors import Door
-from cvxlimit.base.lines import one_line
 from cvxlimit.errors import GeometryError, InputError
-from cvxlimit.extensions.importing.bodies import Body, natural, separated
+from cvxlimit.extensions.importing.bodies import Body
 from cvxlimit.extensions.importing.compas import bodies_of, is_object
 from cvxlimit.extensions.importing.digits import WORTH_A_WORD, is_single, too_few_digits, with_noise
+from cvxlimit.extensions.importing.files import files_in, read, unique
 from cvxlimit.extensions.importing.sheets import is_sheet, with_slabs
 from cvxlimit.extensions.importing.supports import LOWEST, refuse_all_lowest, supports_of
 from cvxlimit.geometry.blocks import Block
@@ -45,10 +42,6 @@ from cvxlimit.scene import METRES, Load, Scene, Units
 from cvxlimit.scene.doubts import unit_in_doubt
 from cvxlimit.scene.units import KILONEWTONS, G
 
-READERS: Mapping[str, Callable[[Path, list[str]], list[Body]]] = Door("cvxlimit.readers")
-"""Readers by suffix, each called with a file and the list of notes on what is left out; other
-distributions may add theirs."""
-
 AXES = ("x", "y", "z")
 
 STONE = (5.0, 40.0)
@@ -56,35 +49,6 @@ STONE = (5.0, 40.0)
 
 SIZES = (0.01, 5.0)
 """Metres between which the sizes of stones lie: few masons lift more, or lay less."""
-
-_BY_BLENDER = "open it in Blender, one object a stone, and export .glb or .obj"
-
-UNREAD = {
-    "3dm": "in Rhino, SelClosedPolysrf, then Export Selected as .obj, object names as OBJ objects",
-    "skp": "in SketchUp, make a group of every stone, then File, Export, 3D Model as .glb or .obj",
-    "ifc": "open it in Blender with Bonsai, or in FreeCAD, and export the stones as .glb or .obj",
-    "fbx": _BY_BLENDER,
-    "usd": _BY_BLENDER,
-    "usda": _BY_BLENDER,
-    "usdc": _BY_BLENDER,
-    "usdz": _BY_BLENDER,
-    "dae": _BY_BLENDER,
-    "3ds": _BY_BLENDER,
-    "wrl": _BY_BLENDER,
-    "blend": "in Blender, File, Export as .glb, with the stones selected, or as .obj",
-    "dwg": "in the drawing program, save as .dxf in text, of 2000 or later",
-    "step": "in FreeCAD, select the solids, and export them as .obj; or as .stl, one file a stone",
-    "stp": "in FreeCAD, select the solids, and export them as .obj; or as .stl, one file a stone",
-    "iges": "in FreeCAD, make solids of the faces, and export them as .obj",
-    "igs": "in FreeCAD, make solids of the faces, and export them as .obj",
-    "3mf": "in the slicer or in Blender, export the bodies as .stl or .obj",
-}
-"""Formats by suffix that hold stones and are not read, and how to get from there to one that is."""
-
-_IGNORED = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".txt", ".md")
-"""Companions of geometry files, silently left alone in a folder."""
-
-Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,19 +144,20 @@ def import_geometry(
         if joint_tolerance is not None:
             positive(joint_tolerance, "joint_tolerance")
         # 1. What files or objects hold, under names of their own.
-        files = [] if is_object(paths) else _files(paths)
-        bodies = _unique(_read(files, notes) if files else bodies_of(paths), notes)
+        files = [] if is_object(paths) else files_in(paths)
+        bodies = unique(read(files, notes) if files else bodies_of(paths), notes)
         _check_coordinates(bodies)
         blurred, coarse = too_few_digits(bodies), too_few_digits(bodies, WORTH_A_WORD)
         if blurred and is_single(bodies):  # round numbers in a text may just be round
             raise InputError(blurred)
-        notes += filter(None, [blurred or coarse])
+        if blurred or coarse:
+            notes.append(blurred or coarse)
         # 2. In the unit asked for, with weights per volume.
         bodies = _converted(bodies, length_unit, to_unit, notes)
         # COMPAS, whose files are JSON, has mass per volume; all other formats have weight.
         is_mass = not files or any(file.suffix.lower() == ".json" for file in files)
         bodies = _with_densities(bodies, density, density_factor, is_mass, supports, notes)
-        # 3. Which are fixed; all as blocks.
+        # 3. Which are fixed; all as blocks, with the tolerance that is asked for or any other.
         with _blamed_on(blurred):
             fixed = supports_of(bodies, supports, axis, notes)
             bodies = with_slabs(bodies, fixed, notes)
@@ -237,100 +202,6 @@ def _axis(up: str) -> FloatArray:
     return np.eye(3)[AXES.index(up)]
 
 
-# 1. What files hold.
-
-
-def bodies_in(paths: Paths) -> list[Body]:
-    """All bodies of files and folders, by name."""
-    return _unique(_read(_files(paths), []), [])
-
-
-def _files(paths: Paths) -> list[Path]:
-    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    if not given:
-        raise InputError("no geometry is given: name a file or a folder")
-    result = []
-    for path in map(Path, given):
-        if not path.is_dir():
-            result.append(path)
-            continue
-        visible = [p for p in path.iterdir() if not p.name.startswith(".")]
-        inside = sorted(visible, key=lambda p: natural(p.name))
-        known = [p for p in inside if p.suffix.lower() in READERS]
-        strange = [p for p in inside if p not in known and p.suffix.lower() not in _IGNORED]
-        if not known or strange:
-            what = f"also holds {strange[0].name!r}" if strange else "holds no geometry"
-            raise InputError(
-                f"{one_line(str(path))}: the folder {one_line(what)}; give a folder of "
-                f"{', '.join(READERS)} files only"
-            )
-        result += known
-    return result
-
-
-def _read(files: Sequence[Path], notes: list[str]) -> list[Body]:
-    result: list[Body] = []
-    for file in files:
-        bodies = read_bodies(file, notes)
-        for i, body in enumerate(bodies, 1):
-            is_named = len(bodies) > 1 or (len(files) == 1 and body.name)
-            result.append(replace(body, name=body.name or f"b{i}" if is_named else file.stem))
-    return result
-
-
-def read_bodies(path: str | os.PathLike[str], notes: list[str] | None = None) -> list[Body]:
-    """All bodies in a geometry file, as given; meshes that hold several are separated. ``notes``
-    gets a sentence on what is left out.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or holds no body: one line that names it.
-    """
-    file = Path(path)
-    with refusals(file_prefix(path)):
-        read = READERS.get(file.suffix.lower())
-        if read is None:
-            kind = file.suffix.lower()[1:]
-            if kind in UNREAD:
-                raise InputError(f".{kind} files are not read: {UNREAD[kind]}")
-            raise InputError(
-                f"cannot tell the format from {file.suffix or file.name!r}: give a file that ends "
-                f"in {', '.join(READERS)}, or a folder of such files"
-            )
-        notes = [] if notes is None else notes
-        bodies = read(file, notes)
-        if not any(len(body.faces) or body.is_box for body in bodies):
-            raise InputError("the file holds no faces; export the blocks as meshes")
-        result = []
-        for body in bodies:
-            parts = separated(body)
-            result += parts
-            if len(parts) > 1 and body.name:  # a file of one mesh has no name for it
-                notes.append(
-                    f"{shown(body.name)} holds {len(parts)} separate bodies: each is a block, "
-                    f"{shown(parts[0].name)} to {shown(parts[-1].name)}"
-                )
-        return result
-
-
-def _unique(bodies: Sequence[Body], notes: list[str]) -> list[Body]:
-    seen, taken, unique = Counter[str](), {body.name for body in bodies}, []
-    for body in bodies:
-        name = body.name
-        while seen[body.name] and name in taken:  # "a", "a", "a#2": the second one is "a#3"
-            seen[body.name] += 1
-            name = f"{body.name}#{seen[body.name]}"
-        seen[body.name] = max(seen[body.name], 1)
-        taken.add(name)
-        unique.append(replace(body, name=name))
-    if several := sum(times > 1 for times in seen.values()):
-        notes.append(
-            f"several blocks have the same name ({several} times): later ones are numbered #2 ..."
-        )
-    return unique
-
-
 def _check_coordinates(bodies: Sequence[Body]) -> None:
     for body in bodies:
         fine = (np.abs(body.vertices) <= LARGEST_NUMBER).all(axis=1)
@@ -349,11 +220,12 @@ def _converted(bodies: list[Body], given: str, asked: str | None, notes: list[st
     """The bodies in the unit asked for; a note for each unit that a file states and that is not the
     one given."""
     units = Counter(body.unit for body in bodies if body.unit not in (None, given))
-    notes += [
-        f"the unit of {number} block{'s' * (number > 1)} is {unit} in the file, and {given} is "
-        "what was asked for: check length_unit"
-        for unit, number in sorted(units.items())
-    ]
+    for unit, number in sorted(units.items()):
+        blocks = "1 block" if number == 1 else f"{number} blocks"
+        notes.append(
+            f"the unit of {blocks} is {unit} in the file, and {given} is what was asked for: "
+            "check length_unit"
+        )
     if asked is None:
         return bodies
     times = _metres(given) / _metres(asked)
@@ -409,10 +281,13 @@ def unstated(
 ) -> list[str]:
     """Which of "supports" and "density" neither the files nor the arguments say: some body marked,
     or drawn as a plane, says the former; a density for every other body the latter."""
-    is_fixed = [body.is_support or is_sheet(body) for body in bodies]
-    loose = [body for body, fixed in zip(bodies, is_fixed, strict=True) if not fixed]
-    lacks = density is None and any(body.density is None for body in loose)
-    return ["supports"] * (supports is None and len(loose) == len(bodies)) + ["density"] * lacks
+    loose = [body for body in bodies if not (body.is_support or is_sheet(body))]
+    result = list[str]()
+    if supports is None and len(loose) == len(bodies):
+        result.append("supports")
+    if density is None and any(body.density is None for body in loose):
+        result.append("density")
+    return result
 
 
 # 3. Blocks.
@@ -430,22 +305,24 @@ def _blamed_on(blurred: str) -> Iterator[None]:
 
 
 def _blocks(bodies: Sequence[Body], fixed: set[str], tolerance: float | None) -> tuple[Block, ...]:
-    return tuple(_block(body, body.name in fixed, tolerance) for body in bodies)
-
-
-def _block(body: Body, fixed: bool, tolerance: float | None) -> Block:
-    if body.density is None and not fixed:
-        raise InputError(
-            f"block {shown(body.name)} has no density in the file: give density=G, the weight per "
-            "volume"
-        )
-    if body.is_box:
-        return Block.box(body.name, body.vertices[0], body.vertices[1], body.density)
-    try:
-        return solid(body.name, body.vertices, body.faces, body.density, tolerance)
-    except GeometryError as error:
-        error.body = body
-        raise
+    """The bodies as blocks, which are checked; ``fixed`` ones need no density."""
+    blocks = list[Block]()
+    for body in bodies:
+        if body.density is None and body.name not in fixed:
+            raise InputError(
+                f"block {shown(body.name)} has no density in the file: give density=G, the weight "
+                "per volume"
+            )
+        if body.is_box:
+            low, high = body.vertices
+            blocks.append(Block.box(body.name, low, high, body.density))
+            continue
+        try:
+            blocks.append(solid(body.name, body.vertices, body.faces, body.density, tolerance))
+        except GeometryError as error:
+            error.body = body
+            raise
+    return tuple(blocks)
 
 
 # 4. What is strange about the scene.
@@ -475,12 +352,12 @@ def _strange_stones(scene: Scene) -> list[str]:
     if metres is None or any("are coordinates in" in said for said in scene.doubts):
         return []
     sizes = [metres * float(np.ptp(block.vertices, axis=0).max()) for block in free]
-    smallest, largest = min(sizes), max(sizes)
+    strange = list[tuple[str, float]]()
+    if max(sizes) > SIZES[1]:
+        strange.append(("largest", max(sizes)))
+    if min(sizes) < SIZES[0]:
+        strange.append(("smallest", min(sizes)))
     return [
         f"the {which} stone is {size:.3g} m across: {unit_in_doubt(scene.units.length, 'it', size)}"
-        for which, size, is_strange in (
-            ("largest", largest, largest > SIZES[1]),
-            ("smallest", smallest, smallest < SIZES[0]),
-        )
-        if is_strange
+        for which, size in strange
     ]
