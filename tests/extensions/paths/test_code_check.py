@@ -9,6 +9,7 @@ import pytest
 
 from cvxlimit import Block, Load, Scene, Units, pushover
 from cvxlimit.errors import InputError
+from cvxlimit.extensions.paths import code_check as checking
 from cvxlimit.extensions.paths.code_check import CodeCheck, code_check
 from turning import ANGLES, END, B, H, turning, wall
 
@@ -96,6 +97,18 @@ def test_local_failures_and_snaps_come_before_the_shares_of_d0() -> None:
     assert snapped.d_SLV == pytest.approx(path.w[1] / check.e_star)
     assert "snap" in snapped.slv.basis
     assert snapped.d0 == pytest.approx(check.d0)
+
+
+def test_a_limit_state_between_two_steps_without_one_at_rest_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its acceleration is that of the next step, farther on than the displacement beside it."""
+    assert checked(1).slc.basis == "0.6 d0"  # type: ignore[union-attr]
+    monkeypatch.setattr(checking, "configuration_at", lambda path, at: path[len(path) - 1])
+    check = checked(1)
+    assert check.slc is not None
+    assert check.slc.acceleration == pytest.approx(0.0, abs=1e-6)
+    assert f"none is known to rest there: a is that of the next, {check.d0:.4g}" in str(check)
 
 
 def test_where_joints_slide_the_check_is_of_the_run_with_the_least_d0() -> None:

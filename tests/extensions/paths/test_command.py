@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -70,6 +71,30 @@ def assert_refused(outcome: tuple[int, str, str], phrase: str, code: int = 2) ->
     assert outcome[0] == code, outcome
     assert re.fullmatch(r"cvxlimit: [^\n]+\n", outcome[2]), outcome[2]
     assert phrase in outcome[2]
+
+
+def test_what_no_end_of_a_path_could_have_is_refused_before_it(run: Run, monkeypatch) -> None:
+    """A check of a path that is not followed to 0, and what needs a solution at rest of one that
+    starts displaced."""
+    monkeypatch.setattr(following, "pushover", lambda *_, **__: pytest.fail("it was followed"))
+    asked = ("wall.json", "--csv", "path.csv", "--code-check", "1.0", "--until", "0.1")
+    assert_refused(run(*asked), "leave out --until")
+    leaning = replace(wall(2), live=Load(acceleration=(-1, 0, 0)))
+    leaning = leaning.with_dead(Load(gravity=(0, 0, -1), acceleration=(0.3, 0, 0)))
+    write_scene(leaning, "leaning.json")
+    for more in (("--code-check", "1.0"), ("--report", "page.html")):
+        assert_refused(run("leaning.json", "--csv", "path.csv", *more), "starts displaced")
+    assert not Path("path.csv").exists()
+
+
+def test_a_path_whose_first_load_factor_is_zero_has_widths(run: Run) -> None:
+    write_scene(wall(2).with_friction(0.0), "smooth.json")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        code, out, err = run("smooth.json")
+    assert (code, err) == (0, "")
+    assert re.search(r"configurations, widest \d", out)
+    assert_refused(run("wall.json", "--step", "100"), "step must be no longer than the structure")
 
 
 def test_what_cannot_be_asked_is_refused_and_nothing_is_written(run: Run) -> None:

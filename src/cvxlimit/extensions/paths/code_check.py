@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -327,6 +327,11 @@ def code_check(
         at_limit = configuration_at(end.run, at)
         d, a = float(per_control * at), float(per_factor * at_limit.load_factor)
         basis += f", {end.name}" * (end.run is not run)
+        found = float(replace(end.run, configurations=(at_limit,)).displacement[0])
+        if found - at > 1e-6 * ends[0].displacement:
+            basis += (
+                f"; none is known to rest there: a is that of the next, {per_control * found:.4g}"
+            )
         # What moves at any acceleration, as where nothing is left to hold it, has no period.
         t = period * np.pi * np.sqrt(d / a) if a > 0.0 else np.inf
         limits.append(Limit(d, a, float(t), basis, at_limit))

@@ -29,6 +29,7 @@ from cvxlimit.io import scene_from_dict
 from cvxlimit.io.fields import file_prefix, read_document, refusals
 from cvxlimit.masonry import BUILTIN
 from cvxlimit.methods.settlement import settlement
+from cvxlimit.methods.solving import solve
 from cvxlimit.plotting.look import IMAGES
 from cvxlimit.scene import Scene
 from cvxlimit.scene.settling import SupportMotion
@@ -37,6 +38,12 @@ from cvxlimit.solution.bracket import TOLERANCE, Bracket, rounded, rounded_down,
 
 _KINDS = dict.fromkeys(IMAGES, "curve") | {".gif": "film", ".mp4": "film", ".html": "page"}
 """Pictures of a path, by suffix."""
+
+_DISPLACED = (
+    "the dead load stands only with a part of the live load, so that the path starts displaced, "
+    "and there is no solution at rest to report or to check: draw the path by --plot, or write it "
+    "by --json"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,9 +127,15 @@ class PushoverCommand(Command):
 
         def followed(tell: Tell) -> Displacements:
             begin, told = _begin(self.scene), with_result(tell)
-            if self.code_check is not None:  # what cannot be checked is not followed first
-                scene = begin if isinstance(begin, Scene) else begin.scene
+            # What cannot be checked or reported is not followed first.
+            scene = begin if isinstance(begin, Scene) else begin.scene
+            if self.code_check is not None:
                 check_asked(scene, self.code_check)
+                if self.until > 0.0:
+                    raise InputError("--code-check is of a path to 0: leave out --until")
+            asked = self.code_check is not None or self.report is not None
+            if asked and begin is scene and not given["motion"] and solve(scene).lower_end:
+                raise InputError(_DISPLACED)
             return pushover(begin, self.step, self.until, progress=told, **given)
 
         path = interruptible(followed)
@@ -158,10 +171,7 @@ class PushoverCommand(Command):
         if path.motions:
             return settlement(path.scene, path.motions).solution
         if path.initial is None:
-            raise InputError(
-                f"--report {self.report}: the path starts displaced, so that there is no "
-                "solution at rest to report: draw the path by --plot, or write it by --json"
-            )
+            raise InputError(_DISPLACED)
         return path.initial.of(path.scene)
 
 
@@ -253,6 +263,7 @@ def _verdict(path: Displacements) -> ExitCode:
 
 def _widths(path: Displacements) -> list[float]:
     """Returns the widths of all brackets over the first load factor, since the last ones hold
-    zero."""
+    zero, or over what is none but for rounding."""
     brackets = [each.bracket for each in path if each.bracket is not None]
-    return [(each.upper - each.lower) / abs(path.load_factor[0]) for each in brackets]
+    first = abs(path.load_factor[0])
+    return [(each.upper - each.lower) / max(first, each.least, 1e-300) for each in brackets]
