@@ -94,7 +94,7 @@ def test_a_path_whose_first_load_factor_is_zero_has_widths(run: Run) -> None:
         code, out, err = run("smooth.json")
     assert (code, err) == (0, "")
     assert re.search(r"configurations, widest \d", out)
-    assert_refused(run("wall.json", "--step", "100"), "step must be no longer than the structure")
+    assert_refused(run("wall.json", "--step", "100"), "step must be no longer than all blocks")
 
 
 def test_what_cannot_be_asked_is_refused_and_nothing_is_written(run: Run) -> None:

@@ -231,8 +231,9 @@ def pushover(
         scene, given = guided(scene, motions), scene
     scene, why_not = begun(scene)
     refuse(scene)
-    if step is not None and not motions and step > (size := scene.contacts.extent):
-        raise ModelError(f"step must be no longer than the structure, {size:.4g}, got {step:g}")
+    corners = np.concatenate([block.vertices for block in scene.blocks])
+    if step is not None and not motions and step > (size := np.ptp(corners, axis=0).max()):
+        raise ModelError(f"step must be no longer than all blocks, {size:.4g}, got {step:g}")
     stretch = (before.stretch if before else 0.0) if stretch is None else stretch
     # What all runs share: the solution at rest, and notes that hold of any of them.
     initial, refusal = (before.initial, None) if before else (None, None)
