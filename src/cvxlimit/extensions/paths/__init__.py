@@ -6,10 +6,10 @@ result, and ``moving.py``, its scenes; ``pairs.py``, ``points.py``, ``bars.py`` 
 contacts of displaced blocks, ties, reactions and cohesion; ``starting.py``, where a path begins,
 ``loads.py`` and ``supports.py``, loads and supports that move; ``increment.py``, a convex step;
 ``resting.py``, iterates of it; ``following.py``, steps and snaps; ``proximal.py``, explicit steps
-where nothing comes to rest; ``refusing.py`` and ``pushover.py``, the call; ``fitting.py``, which
-motion of supports was it; ``proof.py`` and ``proving.py``;
-``code_check.py``, with ``oscillator.py`` and ``sliding.py``; ``wording.py``, a path in words;
-``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
+where nothing comes to rest; ``runs.py`` and ``notes.py``, a run, and what is to say of it;
+``pushover.py``, the call, with ``refusing.py``; ``fitting.py``, which motion of supports was it;
+``proof.py`` and ``proving.py``; ``code_check.py``, with ``oscillator.py`` and ``sliding.py``;
+``wording.py``, a path in words; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
 """
 
 from cvxlimit.base.doors import Offered
