@@ -26,7 +26,7 @@ from .extensions.dynamics.shaking import Shaking as Shaking
 from .extensions.dynamics.shaking import shake as shake
 from .extensions.incremental.incremental import Incremental as Incremental
 from .extensions.interaction.certified import Certified as Certified
-from .extensions.paths.code_check import CodeCheck as CodeCheck
+from .extensions.paths.checked import CodeCheck as CodeCheck
 from .extensions.paths.code_check import code_check as code_check
 from .extensions.paths.configuration import Configuration as Configuration
 from .extensions.paths.fitting import FittedMotion as FittedMotion

@@ -10,7 +10,8 @@ import pytest
 from cvxlimit import Block, Load, Scene, Units, pushover
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths import code_check as checking
-from cvxlimit.extensions.paths.code_check import CodeCheck, code_check
+from cvxlimit.extensions.paths.checked import CodeCheck
+from cvxlimit.extensions.paths.code_check import code_check
 from turning import ANGLES, END, B, H, turning, wall
 
 G = 9.81

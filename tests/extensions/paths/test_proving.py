@@ -22,8 +22,8 @@ from cvxlimit import (
     pushover,
 )
 from cvxlimit.errors import InputError, ModelError
+from cvxlimit.extensions.paths.between import configuration_at
 from cvxlimit.extensions.paths.files import PATH
-from cvxlimit.extensions.paths.following import configuration_at
 from cvxlimit.extensions.paths.path import Work
 from cvxlimit.io import read_path
 from leaves import unnoticed

@@ -5,10 +5,11 @@ Its doors are ``cvxlimit.commands`` (``pushover``), ``cvxlimit.readings``, ``cvx
 result, and ``moving.py``, its scenes; ``pairs.py``, ``points.py``, ``bars.py`` and ``bonds.py``,
 contacts of displaced blocks, ties, reactions and cohesion; ``starting.py``, where a path begins,
 ``loads.py`` and ``supports.py``, loads and supports that move; ``increment.py``, a convex step;
-``resting.py``, iterates of it; ``following.py``, steps and snaps; ``proximal.py``, explicit steps
-where nothing comes to rest; ``runs.py`` and ``notes.py``, a run, and what is to say of it;
-``pushover.py``, the call, with ``refusing.py``; ``fitting.py``, which motion of supports was it;
-``proof.py`` and ``proving.py``; ``code_check.py``, with ``oscillator.py`` and ``sliding.py``;
+``resting.py``, iterates of it; ``following.py`` and ``jumps.py``, steps and snaps, ``between.py``,
+what is between two of them; ``proximal.py``, explicit steps where nothing comes to rest;
+``runs.py`` and ``notes.py``, a run, and what is to say of it; ``pushover.py``, the call, with
+``refusing.py``; ``fitting.py``, which motion of supports was it; ``proof.py`` and ``proving.py``;
+``code_check.py`` and its result in ``checked.py``, with ``oscillator.py`` and ``sliding.py``;
 ``wording.py``, a path in words; ``files.py``, ``tables.py``, ``pictures.py`` and ``command.py``.
 """
 

@@ -7,7 +7,7 @@ factor that is its multiplier. From one configuration to the next
    longest: there the path ends, since the structure falls or cannot move on;
 2. a jump on the way is noticed where something came apart, where blocks moved much farther than at
    the pace before, or where the dead load has not gained the work that the load factors stand for;
-   it is enclosed by halvings of w, and both its ends belong to the path;
+   it is enclosed by halvings of w (:mod:`.jumps`), and both its ends belong to the path;
 3. where the load factor falls below the one that is asked for, the end is placed between the two;
 4. otherwise the configuration is kept, with its bracket, and the next step is up to twice as long.
 """
@@ -24,14 +24,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from cvxlimit.base.arrays import ROUNDING, FloatArray
+from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.paths.bonds import Bonds
 from cvxlimit.extensions.paths.configuration import Configuration, Flow, Points
 from cvxlimit.extensions.paths.increment import Ahead
+from cvxlimit.extensions.paths.jumps import JUMP, jump_between, may_have_jumped, work_beside
 from cvxlimit.extensions.paths.pairs import CLOSED, Pose
 from cvxlimit.extensions.paths.path import LEVEL_FOR, SLIDING, ZERO, Ending, Path, Work
 from cvxlimit.extensions.paths.proof import bracket_of
-from cvxlimit.extensions.paths.resting import LEFT, REACH, At, Failed, Rest
+from cvxlimit.extensions.paths.resting import LEFT, At, Failed, Rest
 from cvxlimit.extensions.paths.supports import SupportLoads, falling
 from cvxlimit.scene import Scene
 from cvxlimit.scene.settling import SupportMotion
@@ -52,20 +53,6 @@ the contact size."""
 
 _PAST = 1.5
 """How far beyond the zero that the slope foresees a step is shortened, over the way to it."""
-
-_AHEAD = 1.5
-"""Blocks that go so many times as far as at the pace before may have jumped, if nothing slides."""
-
-JUMP = 4.0
-"""The same where joints slide, which change their pace as they like; and how many times as fast as
-on the whole way blocks move in a snap."""
-
-_WORK = 0.01
-"""Work that is missing from a step without a jump, over that of the first load factor, at most."""
-
-_HALVINGS, _SPREAD = 4, 0.25
-"""Halvings after which a change that spreads over all sixteenths of a step is told from a jump: the
-sixteenth with most has less than this share of it."""
 
 BEYOND = 1e-4
 """Gap over the contact size up to which points count as closed where nothing is carried: more
@@ -136,13 +123,6 @@ class Walk(Rest):
         seconds = perf_counter() - self.began
         at, factor = found.shown.w, found.shown.load_factor
         self.tell(f"w = {at:.6g}: load factor {factor:.6g}, after {seconds:.0f} s")
-
-    def distance(self, one: At, other: At) -> float:
-        """Returns how far any block has moved between two configurations (length)."""
-        free = self.scene.free
-        shift = np.linalg.norm(one.pose.shift[free] - other.pose.shift[free], axis=1)
-        turn = np.linalg.norm(one.pose.turn[free] - other.pose.turn[free], axis=(1, 2))
-        return float((shift + turn * self.radius).max())
 
     def walk(
         self, step: float | None, until: float, is_level: Callable[[], bool],
@@ -218,17 +198,19 @@ class Walk(Rest):
             return "zero", f"supports have moved by {self.most:g}, as was asked for"
         if self.is_far:
             return "steps", "supports have made a quarter turn, as far as they are followed"
-        what = "" if self.motions else f" did not bring the load factor down to {until:g}"
-        return "steps", f"{MOST} steps{what or ', and the dead load is still carried'}"
+        if self.motions:
+            return "steps", f"{MOST} steps, and the dead load is still carried"
+        return "steps", f"{MOST} steps did not bring the load factor down to {until:g}"
 
     def _first_step(self, step: float | None, marks: FloatArray | None) -> float:
         """Returns the step to begin with: the one given, up to the next mark, and after explicit
         steps as far as these went."""
         h = self.step = step or self.size / (_FIRST * self.loads.pace)
-        h = h if marks is None else self._to_next(marks)
-        before = self.found[-2:-1]
-        is_after = before and before[0].shown.is_followed
-        return min(h, self.found[-1].shown.w - before[0].shown.w) if is_after else h
+        if marks is not None:
+            h = self._to_next(marks)
+        if len(self.found) > 1 and self.found[-2].shown.is_followed:
+            h = min(h, self.found[-1].shown.w - self.found[-2].shown.w)
+        return h
 
     def _way_left(self, here: At, until: float) -> float:
         """Returns how far w is from where the load factor is ``until``, as the slope up to here has
@@ -249,19 +231,19 @@ class Walk(Rest):
         """Keeps a jump between two configurations, with what led there; returns whether there was
         one. It is a snap if blocks move ``JUMP`` times as fast in it as on the whole way: else a
         contact closed, and the curve goes up."""
-        if not (self.lost(here, there) or self._may_have_jumped(here, there, pace)):
+        if not (here.lost(there) or may_have_jumped(self, here, there, pace)):
             return False
-        jump = self._jump(here, there)
+        jump = jump_between(self, here, there, FINEST * self.step)
         if jump is None:
             return False
-        *_, low, high = jump
-        for each in jump[:-1]:
-            if each is not here:
-                self.keep(each)
-        way, whole = (y.shown.w - x.shown.w for x, y in ((low, high), (here, there)))
-        if self.distance(low, high) / way > JUMP * self.distance(here, there) / whole:
+        before, after = jump
+        for each in before:
+            self.keep(each)
+        low = before[-1] if before else here
+        fast = self.distance(low, after) / (after.shown.w - low.shown.w)
+        if fast > JUMP * self.distance(here, there) / (there.shown.w - here.shown.w):
             self.snaps.append(low.shown.w)
-        self.keep(high)
+        self.keep(after)
         return True
 
     def _brought_down(self, here: At, there: At, until: float) -> str:
@@ -305,10 +287,6 @@ class Walk(Rest):
                 return self._shown(pose, points, none, w, 0.0, 0).shown
         return None
 
-    def lost(self, one: At, other: At) -> tuple[str, ...]:
-        """Returns what has come apart from one configuration to the other: cohesion and ties."""
-        return one.bonds.lost(other.bonds) if one.bonds and other.bonds else ()
-
     def bonds_at(self, i: int) -> Bonds | None:
         """Returns the cohesion, the ties and the reactions that hold at configuration ``i``, these
         with the seats that they had before."""
@@ -320,72 +298,13 @@ class Walk(Rest):
 
     def failures(self) -> tuple[tuple[float, str], ...]:
         """Returns where what has come apart, by w before it has."""
-        return tuple((x.shown.w, name) for x, y in pairwise(self.found) for name in self.lost(x, y))
-
-    def _beside_work(self, one: At, other: At) -> tuple[float, float]:
-        """Returns the energy that is taken up between two configurations besides the dead load's
-        work along its first directions, and what the live load does besides its own: loads that
-        turn, and ties and reactions that give way."""
-        dead, live = self.loads.turning_work(one.pose, other.pose)
-        yields = one.bonds.yielded(other.bonds) if one.bonds and other.bonds else 0.0
-        return yields - dead, live
+        return tuple((x.shown.w, name) for x, y in pairwise(self.found) for name in x.lost(y))
 
     def _to_next(self, marks: FloatArray) -> float:
         """Returns the distance from here to the next mark that is farther off than a jump."""
         ahead = marks - self.found[-1].shown.w
         ahead = ahead[ahead > FINEST * self.step]
         return float(ahead[0]) if len(ahead) else self.step
-
-    def _may_have_jumped(self, here: At, there: At, pace: float) -> bool:
-        """Returns whether blocks moved much farther than at the ``pace`` so far, or the dead load's
-        rise differs from the work that the load factors at both ends stand for."""
-        ahead = JUMP if there.slides else _AHEAD
-        if self.distance(here, there) > ahead * pace * (there.shown.w - here.shown.w):
-            return True
-        if there.slides:  # what slides changes direction without a jump
-            return False
-        more, farther = self._beside_work(here, there)
-        rise = self.loads.work(here.pose)[0] - self.loads.work(there.pose)[0] + more
-        way = self.loads.size * (there.shown.w - here.shown.w) + farther
-        area = 0.5 * way * (here.shown.load_factor + there.shown.load_factor)
-        return abs(rise - area) > _WORK * way * self.unit
-
-    def _jump(self, here: At, there: At) -> list[At] | None:
-        """Returns the last configuration before a jump and the first after it, if there is one,
-        preceded by the configurations that led there, where slips or seats depend on them: the half
-        in which more happens is halved again. Smooth changes spread over all sixteenths."""
-
-        def happens(one: At, other: At) -> FloatArray:
-            fall = abs(one.shown.load_factor - other.shown.load_factor)
-            return np.array([fall, self.distance(one, other)])
-
-        low, high, passed = here, there, list[At]()
-        whole, halvings = np.maximum(happens(low, high), 1e-300), 0
-        while high.shown.w - low.shown.w > FINEST * self.step or halvings < _HALVINGS:
-            middle = self.settle(low, 0.5 * (low.shown.w + high.shown.w))
-            if isinstance(middle, Failed):
-                return None
-            halves = happens(low, middle) / whole, happens(middle, high) / whole
-            low, high = (low, middle) if halves[0].sum() > halves[1].sum() else (middle, high)
-            passed += [middle] * (low is middle)
-            halvings += 1
-            if halvings >= _HALVINGS and (happens(low, high) / whole).max() < _SPREAD:
-                return None
-        # Slips and seats count from configurations that the path keeps: it keeps all that led there
-        # where these two do not say by themselves what has happened on the way.
-        slides = any(each.slides for each in (there, *passed))
-        if low is here or not (slides or self._seats_are_lost(here, low, high)):
-            return [low, high]
-        last = self.settle(low, high.shown.w)
-        return None if isinstance(last, Failed) else [*passed, last]
-
-    def _seats_are_lost(self, *each: At) -> bool:
-        """Returns whether seats have moved farther between configurations than these show."""
-        return any(
-            (abs(x.bonds.after(y.pose).seat - y.bonds.seat) > CLOSED * self.size).any()
-            for x, y in pairwise(each)
-            if x.bonds and y.bonds
-        )
 
     def enough(self, found: At) -> float:
         """Returns how near to its end a path has to come, as a difference of load factors."""
@@ -408,7 +327,7 @@ class Walk(Rest):
             rest = found[w].shown.load_factor - until
             return rest if abs(rest) > self.enough(found[w]) else 0.0
 
-        with suppress(ArithmeticError):
+        with suppress(ArithmeticError):  # where iterates do not settle on the way
             brentq(left, here.shown.w, there.shown.w, xtol=1e-14 * self.size)
         del found[here.shown.w]
         ends = [x for x in found.values() if x.shown.load_factor - until <= self.enough(x)]
@@ -433,7 +352,7 @@ class Walk(Rest):
         w = np.array([x.shown.w for x in self.found])
         alpha = np.array([x.shown.load_factor for x in self.found])
         energy = np.array([-self.loads.work(x.pose)[0] for x in self.found])
-        each = [self._beside_work(x, y) for x, y in pairwise(self.found)]
+        each = [work_beside(self, x, y) for x, y in pairwise(self.found)]
         more = np.cumsum([(0.0, 0.0), *each], axis=0)
         energy, way = energy + more[:, 0], w + more[:, 1] / self.loads.size
         near = np.flatnonzero(np.diff(w) <= FINEST * self.step) + 1
@@ -444,40 +363,3 @@ class Walk(Rest):
                 area += self.loads.size * float(curve.integrate(way[begin], way[end - 1]))
                 potential += float(energy[end - 1] - energy[begin])
         return Work(area, potential)
-
-
-def configuration_at(path: Path, displacement: float) -> Configuration:
-    """Returns the configuration where ``path.displacement`` first reaches ``displacement``, solved
-    for between two of the path. After a snap, and where iterates between do not settle or settle on
-    what carries nothing between two that carry something, as may happen where joints slide, it is
-    the second of these, which carries less."""
-    after = int(np.flatnonzero(path.displacement >= displacement)[0])
-    there = path[after]
-    same = path.displacement[after] - displacement <= ROUNDING * path.start.contacts.typical_size
-    if same or any(after == start for start, _ in path.pieces):
-        return there
-    size = path.start.contacts.typical_size
-    walk = Walk(
-        path.start, "all", REACH * size, lambda line: None, path.flow, path.stretch, path.motions
-    )  # fmt: skip
-    walk.resume(path)
-    here, found = walk.found[after - 1], dict[float, At]()
-
-    def beyond(w: float) -> float:
-        settled = walk.settle(here, w)
-        if isinstance(settled, Failed):
-            raise ArithmeticError
-        found[w] = settled
-        return float(replace(path, configurations=(settled.shown,)).displacement[0] - displacement)
-
-    w = displacement
-    with suppress(ArithmeticError):
-        if path.control is not None:
-            w = float(brentq(beyond, here.shown.w, there.w, xtol=ROUNDING * size))
-        if w not in found:
-            beyond(w)
-    if w not in found:
-        return there
-    shown = walk.proved(found[w]).shown
-    lost = shown.load_factor < min(0.0, here.shown.load_factor, there.load_factor)
-    return there if lost else shown

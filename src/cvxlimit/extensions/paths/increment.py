@@ -186,20 +186,12 @@ class Increment:
         # Every point is a contact of one corner.
         size = scene.contacts.typical_size
         contacts = Contacts(
-            names=tuple(f"point {i}" for i in range(n)),
-            block_ids=scene.contacts.block_ids,
-            a=points.a,
-            b=points.b,
-            origin=points.at,
-            axes=points.axes,
-            corner_start=np.arange(n + 1),
-            corner_xy=np.zeros((n, 2)),
-            sides=np.full((n, 2), np.nan),
-            area=np.full(n, size**2),
-            friction=points.friction,
-            cohesion=points.cohesion / size**2,
-            most=points.most - points.least,
-        )
+            names=tuple(f"point {i}" for i in range(n)), block_ids=scene.contacts.block_ids,
+            a=points.a, b=points.b, origin=points.at, axes=points.axes,
+            corner_start=np.arange(n + 1), corner_xy=np.zeros((n, 2)),
+            sides=np.full((n, 2), np.nan), area=np.full(n, size**2), friction=points.friction,
+            cohesion=points.cohesion / size**2, most=points.most - points.least,
+        )  # fmt: skip
         # Contacts compute it from their polygon, which a point has not.
         contacts.__dict__["torsion_arm"] = np.full(n, size)
         number = np.full(len(scene.blocks), -1)

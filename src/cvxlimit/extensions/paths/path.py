@@ -166,11 +166,12 @@ class Path:
 
     def __repr__(self) -> str:
         first, last = self.load_factor[0], self.load_factor[-1]
-        both = f", d0 {self.interval()}" if self.interval() else ""
-        both = ", slides: no d0" if self.slides_away else both
+        d0 = f", d0 {self.interval()}" if self.interval() else ""
+        if self.slides_away:
+            d0 = ", slides: no d0"
         return (
             f"Path({self.scene.name!r}: {len(self) - 1} steps, load factor {first:.5g} to "
-            f"{last:.5g}, {self.ending}{both})"
+            f"{last:.5g}, {self.ending}{d0})"
         )
 
     @property
@@ -243,19 +244,21 @@ class Path:
     def in_joints(self) -> tuple[dict[str, tuple[float, float]], ...]:
         """How far joints that bear slide in each step (steps,), and how far they turn across the
         typical contact size, by both blocks' names."""
-        size, still, made = self.scene.contacts.typical_size, np.zeros(6), []
+        size, still, steps = self.scene.contacts.typical_size, np.zeros(6), []
         names = [block.id for block in self.scene.blocks]
         for before, here in pairwise(self.configurations):
-            p, n, step = here.points, here.forces[:, 0], dict[str, tuple[float, float]]()
+            points, n, step = here.points, here.forces[:, 0], dict[str, tuple[float, float]]()
+            bears = (n > CLOSED * n.max(initial=0.0)) & ~points.is_bar
             moved = {name: d - before.displacements[name] for name, d in here.displacements.items()}
-            for i in np.flatnonzero((n > CLOSED * n.max(initial=0.0)) & ~p.is_bar).tolist():
-                one, other = names[p.a[i]], names[p.b[i]]
+            for i in np.flatnonzero(bears).tolist():
+                one, other = names[points.a[i]], names[points.b[i]]
+                joint = f"{one!r}-{other!r}"
+                # A joint slides as far as that of its points which slides farthest.
+                slip = max(float(np.linalg.norm(points.slip[i])), step.get(joint, (0.0,))[0])
                 turn = (moved.get(other, still) - moved.get(one, still))[3:]
-                joint, slip = f"{one!r}-{other!r}", float(np.linalg.norm(p.slip[i]))
-                slip = max(slip, step.get(joint, (0.0,))[0])
                 step[joint] = slip, float(np.linalg.norm(turn)) * size
-            made.append(step)
-        return tuple(made)
+            steps.append(step)
+        return tuple(steps)
 
     @cached_property
     def _moved(self) -> FloatArray:
@@ -293,6 +296,7 @@ class Path:
             return best
         slip, turn = self._moved.T
         unit, begin = SLIDING * abs(float(alpha[0])), 0
+        # For every end the first row from which on it is level, and joints slide by more than turn.
         for end in range(1, len(w)):
             if not slip[end - 1] > turn[end - 1]:
                 begin = end
@@ -316,15 +320,17 @@ class Path:
     def ends_like(self, other: Path) -> bool:
         """Whether another run ends as this one: both slide away, or carry nothing any more, or stop
         for the same reason; one that falls carries nothing where the other one comes to zero."""
-        one, two = (
-            "slides" if run.slides_away
-            else "zero" if run.load_factor[run._last] <= run.until + run._zero
-            else run.status
-            for run in (self, other)
-        )  # fmt: skip
+        kinds = list[str]()
+        for run in (self, other):
+            if run.slides_away:
+                kinds.append("slides")
+            elif run.load_factor[run._last] <= run.until + run.zero:
+                kinds.append("zero")
+            else:
+                kinds.append(run.status)
         ends = self.displacement[self._last], other.displacement[other._last]
         is_near = abs(ends[1] - ends[0]) <= LEVEL * abs(ends[0])
-        return one == two or ({one, two} == {"zero", "falls"} and bool(is_near))
+        return kinds[0] == kinds[1] or ({*kinds} == {"zero", "falls"} and bool(is_near))
 
     @property
     def followed(self) -> str:
@@ -374,7 +380,7 @@ class Path:
         return [bool(c.load_factor < end - near) for c, end in zip(self, lower, strict=True)]
 
     @property
-    def _zero(self) -> float:
+    def zero(self) -> float:
         """Load factor up to which it counts as zero."""
         if self.motions:  # a reaction of any sign
             return -np.inf
@@ -383,7 +389,8 @@ class Path:
     @property
     def _last(self) -> int:
         """Row where the load factor is first zero, or the last one."""
-        return int([*np.flatnonzero(self.load_factor <= self._zero), len(self) - 1][0])
+        is_zero = self.load_factor <= self.zero
+        return int(is_zero.argmax()) if is_zero.any() else len(self) - 1
 
     @cached_property
     def d0(self) -> float:
@@ -393,11 +400,11 @@ class Path:
         if self.slides_away:
             return float("nan")
         at, jumps = self._last, [start for start, _ in self.pieces]
-        if not self.load_factor[at] <= self._zero:
+        if not self.load_factor[at] <= self.zero:
             return float("nan")
-        if at in jumps or self.load_factor[at] >= -self._zero:
+        if at in jumps or self.load_factor[at] >= -self.zero:
             return float(self.displacement[at])
-        two = slice(at, at - 2 if at > 1 else None, -1)
+        two = [at, at - 1]
         return float(np.interp(0.0, self.load_factor[two], self.displacement[two]))
 
     @property

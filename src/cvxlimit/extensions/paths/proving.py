@@ -30,8 +30,9 @@ import numpy as np
 from cvxlimit.base.arrays import BoolArray
 from cvxlimit.extensions.paths.configuration import Points
 from cvxlimit.extensions.paths.files import PATH
-from cvxlimit.extensions.paths.following import BEYOND, FINEST, JUMP, MOST, Walk
+from cvxlimit.extensions.paths.following import BEYOND, FINEST, MOST, Walk
 from cvxlimit.extensions.paths.increment import Increment
+from cvxlimit.extensions.paths.jumps import JUMP
 from cvxlimit.extensions.paths.pairs import CLOSED
 from cvxlimit.extensions.paths.path import SLIDING, Path
 from cvxlimit.extensions.paths.points import Start

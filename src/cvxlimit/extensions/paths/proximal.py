@@ -30,8 +30,9 @@ import scipy.sparse as sp
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.paths.configuration import Points
-from cvxlimit.extensions.paths.following import FINEST, JUMP, MOST, Walk
+from cvxlimit.extensions.paths.following import FINEST, MOST, Walk
 from cvxlimit.extensions.paths.increment import Ahead, Increment
+from cvxlimit.extensions.paths.jumps import JUMP
 from cvxlimit.extensions.paths.pairs import Pose
 from cvxlimit.extensions.paths.path import LEVEL_FOR, Ending
 from cvxlimit.extensions.paths.resting import FARTHEST, REACH, At

@@ -44,20 +44,13 @@ _CHOICES = {
 
 
 def pushover(
-    scene: Scene | Path,
-    step: float | None = None,
-    until: float = 0.0,
-    flow: Flow | None = None,
+    scene: Scene | Path, step: float | None = None, until: float = 0.0, flow: Flow | None = None,
     control: tuple[str, Sequence[float]] | None = None,
-    certify: Literal["all", "last", "none"] = "all",
-    reach: float | None = None,
-    halvings: int = 1,
-    within: float = WITHIN,
-    pressures: Literal["turning", "keeping"] | None = None,
-    stretch: float | None = None,
-    motion: SupportMotion | Sequence[SupportMotion] | None = None,
+    certify: Literal["all", "last", "none"] = "all", reach: float | None = None, halvings: int = 1,
+    within: float = WITHIN, pressures: Literal["turning", "keeping"] | None = None,
+    stretch: float | None = None, motion: SupportMotion | Sequence[SupportMotion] | None = None,
     progress: Progress = None,
-) -> Path:
+) -> Path:  # fmt: skip
     """The path of a structure after its collapse load factor, in finite displacements.
 
     The live load's points of action are moved on step by step; blocks move exactly, contacts open,

@@ -88,6 +88,10 @@ class At:
     bonds: Bonds | None = None
     pace: FloatArray | None = None
 
+    def lost(self, later: At) -> tuple[str, ...]:
+        """Returns what has come apart from here to a later configuration: cohesion and ties."""
+        return self.bonds.lost(later.bonds) if self.bonds and later.bonds else ()
+
 
 @dataclass(frozen=True, eq=False)
 class Failed:
@@ -272,6 +276,13 @@ class Rest:
     def moved(self, d: FloatArray) -> FloatArray:
         """Returns how far each free block moves (length) by ``d`` (free blocks, 6)."""
         return np.linalg.norm(d[:, :3], axis=1) + np.linalg.norm(d[:, 3:], axis=1) * self.radius
+
+    def distance(self, one: At, other: At) -> float:
+        """Returns how far any block has moved between two configurations (length)."""
+        free = self.scene.free
+        shift = np.linalg.norm(one.pose.shift[free] - other.pose.shift[free], axis=1)
+        turn = np.linalg.norm(one.pose.turn[free] - other.pose.turn[free], axis=(1, 2))
+        return float((shift + turn * self.radius).max())
 
     def off(self, pose: Pose, w: float) -> float:
         """Returns how far supports are from where their motion has them at ``w`` (length)."""

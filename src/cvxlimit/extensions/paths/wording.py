@@ -130,7 +130,7 @@ def _end(run: Path, is_behind: bool = False) -> str:
     if run.slides_away and not is_behind:
         low, high = run.level
         return f"it slides at a level load factor from w = {low:.4g} to {high:.4g} {unit}"
-    if run.load_factor[-1] <= run.until + run._zero:
+    if run.load_factor[-1] <= run.until + run.zero:
         return f"it comes to {run.until:g} at {run.displacement[-1]:.4g} {unit}"
     ends = {"falls": "it falls", "blocked": "nothing moves on", "slides": "it slides on"}
     what = ends.get(run.status, "it is broken off")
