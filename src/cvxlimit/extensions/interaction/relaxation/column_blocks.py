@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,9 @@ from cvxlimit.solvers.matrices import Point
 
 Entry = tuple[IntArray, IntArray, FloatArray]
 """Rows, columns and values of a sparse matrix."""
+
+_LABELLED = ("columns", "lines", "cones")
+"""Fields of :class:`Members` that say which call and which disjunct members are of."""
 
 
 class Members(NamedTuple):
@@ -86,7 +89,8 @@ def cut(
     unit: IntArray,
     count: int,
 ) -> list[ColumnBlock]:
-    """Cuts a statement into ``count`` blocks.
+    """Returns the ``count`` blocks of a statement, all of whose columns, lines and cones are sorted
+    by block first.
 
     Parameters
     ----------
@@ -97,59 +101,66 @@ def cut(
     forces : Entry
         The map from the statement's columns to contact forces.
     contact, unit : (d,) arrays of int
-        Contact and block of each disjunct.
+        Contact and block of each disjunct, the blocks numbered from 0.
     """
-    # The new places of columns, lines, cones and disjuncts, and where the blocks start.
+    # Columns, lines and cones, each with the call that stated it and its disjunct (2, k).
     of_column = np.concatenate(owners)
-    limits = stated.linear, [cone[0] for cone in stated.cones]
-    rows_of = [[_owner(form, of_column) for form in forms] for forms in limits]
-    kinds = [_labels(each) for each in (owners, *rows_of)]
-    every = [*(unit[owner] for _, owner in kinds), unit]
-    places, starts = zip(*(_grouped(each, count) for each in every), strict=True)
-    # Labels in these places, disjuncts numbered within their block.
-    number = places[3] - starts[3][unit]
-    labels = [np.empty_like(label) for label in kinds]
-    for label, (kind, owner), place in zip(labels, kinds, places[:3], strict=True):
-        label[:, place] = kind, number[owner]
-    contact = contact[np.argsort(places[3])]
-    # Entries of the matrix, and of the map to forces, sorted by block.
-    indptr, data, row, row_kind = _entries(stated, places, starts, every[0])
+    of_lines = [_owner(form, of_column) for form in stated.linear]
+    of_cones = [_owner(bound, of_column) for bound, *_ in stated.cones]
+    labels = [_labels(each) for each in (owners, of_lines, of_cones)]
+    # Their places when sorted by block, and where blocks start; disjuncts likewise.
+    grouped = [_grouped(unit[disjunct], count) for _, disjunct in labels]
+    places, starts = [place for place, _ in grouped], [start for _, start in grouped]
+    disjunct_place, disjunct_start = _grouped(unit, count)
+    contact = contact[np.argsort(disjunct_place)]
+    # The labels in these places, with disjuncts numbered within their block.
+    number = disjunct_place - disjunct_start[unit]
+    for label, place in zip(labels, places, strict=True):
+        label[:, place] = label[0].copy(), number[label[1]]
+    # The entries of the matrix, in the new order of columns.
+    block = unit[of_column]
+    indptr, data, row, kind = _entries(stated, places, starts, block)
     counts = np.diff(indptr)
-    rows, columns, values = forces
-    block = every[0][columns]
-    order = np.argsort(block, kind="stable")
-    columns = (places[0][columns] - starts[0][block])[order]
-    inner = np.searchsorted(block[order], np.arange(count + 1))
-    force = rows[order], columns, values[order]
-    # Each block's slices of columns, lines, cones, disjuncts, entries and force entries.
-    slices = [
-        [slice(*ends) for ends in pairwise(each.tolist())]
-        for each in (*starts, indptr[starts[0]], inner)
-    ]
-    return [
-        ColumnBlock(
-            Members(contact[d], labels[0][:, a], labels[1][:, b], labels[2][:, c]),
-            counts[a], data[e], row[e], row_kind[e], (force[0][f], force[1][f], force[2][f]),
+    # The entries of the map to forces, sorted by block, with columns numbered within it.
+    force_row, column, value = forces
+    order = np.argsort(block[column], kind="stable")
+    force_start = np.searchsorted(block[column][order], np.arange(count + 1))
+    column = (places[0][column] - starts[0][block[column]])[order]
+    force_row, value = force_row[order], value[order]
+    # Each block has a slice of all of these.
+    ends = (*starts, disjunct_start, indptr[starts[0]], force_start)
+    slices = [[slice(*pair) for pair in pairwise(each.tolist())] for each in ends]
+    blocks = []
+    for columns, lines, cones, disjuncts, entries, at in zip(*slices, strict=True):
+        members = Members(
+            contact[disjuncts], labels[0][:, columns], labels[1][:, lines], labels[2][:, cones]
         )
-        for a, b, c, d, e, f in zip(*slices, strict=True)
-    ]  # fmt: skip
+        own = force_row[at], column[at], value[at]
+        blocks.append(
+            ColumnBlock(members, counts[columns], data[entries], row[entries], kind[entries], own)
+        )
+    return blocks
 
 
 def _owner(form: Form, of_column: IntArray) -> IntArray:
-    """Returns the disjunct (k,) of each of a limit's rows, that of any of its columns."""
-    result, on = np.zeros(form.size, dtype=int), form.column != CONSTANT_COLUMN
-    result[form.row[on]] = of_column[form.column[on]]
+    """Returns the disjunct (k,) of each row of a form: that of its columns, all of one."""
+    result = np.zeros(form.size, dtype=int)
+    is_unknown = form.column != CONSTANT_COLUMN
+    result[form.row[is_unknown]] = of_column[form.column[is_unknown]]
     return result
 
 
 def _labels(owners: list[IntArray]) -> IntArray:
-    """Returns for each call's members (k,) the number of the call, and their disjuncts: (2, k)."""
-    kind = np.repeat(np.arange(len(owners)), [len(each) for each in owners])
-    return np.stack([kind, np.concatenate([kind[:0], *owners])])
+    """Returns (2, k) the number of the call and the disjunct of every member, from the disjuncts of
+    each call's members."""
+    call = np.repeat(np.arange(len(owners)), [len(each) for each in owners])
+    disjunct = np.concatenate([call[:0], *owners])  # without calls an empty array of int
+    return np.stack([call, disjunct])
 
 
 def _grouped(of: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Returns where members are when sorted by group, and where groups start."""
+    """Returns the place of each member when sorted by its group ``of`` (k,), and where the groups
+    start (count + 1,), the last entry being the end."""
     order = np.argsort(of, kind="stable")
     place = np.empty_like(order)
     place[order] = np.arange(len(of))
@@ -159,37 +170,44 @@ def _grouped(of: IntArray, count: int) -> tuple[IntArray, IntArray]:
 def _entries(
     stated: Rows, places: Sequence[IntArray], starts: Sequence[IntArray], block: IntArray
 ) -> tuple[IntArray, FloatArray, IntArray, NDArray[np.int8]]:
-    """Returns where columns start, and the values, rows and kinds of all entries of a statement
-    with columns, lines and cones in new ``places``; ``block`` is that of each column as stated."""
+    """Returns where columns start, and the values, rows and kinds of all entries of a statement, as
+    :class:`ColumnBlock` has them, in the order of the columns' new places.
+
+    ``places`` and ``starts`` are those of columns, lines and cones when sorted by block, ``block``
+    is that of each column as stated.
+    """
+    column, line, cone = places
+    # The new row of each row as stated: equations stay, lines and the three rows of cones move.
     equations = sum(form.size for form in stated.equations)
-    column, line, cone = places[:3]
+    first = np.cumsum([0, equations, len(line)])  # where rows of each kind start
     triples = (3 * cone[:, None] + np.arange(3)).ravel()
-    first = np.cumsum([0, equations, len(line)])
-    at = np.concatenate([np.arange(equations), first[1] + line, first[2] + triples])
+    moved = np.concatenate([np.arange(equations), first[1] + line, first[2] + triples])
+    # The matrix without the constants, rows and columns in their new places.
     whole = stated.entries()
-    on = whole.column != CONSTANT_COLUMN
-    every = at[whole.row[on]], column[whole.column[on]], whole.value[on]
-    matrix = stacked([every], (len(at), len(column)))
-    # Each entry's row, numbered within its kind and block.
+    is_unknown = whole.column != CONSTANT_COLUMN
+    at = moved[whole.row[is_unknown]], column[whole.column[is_unknown]]
+    matrix = stacked([(*at, whole.value[is_unknown])], (len(moved), len(column)))
+    # Each entry's row, numbered within its kind and block; equations are common to all blocks.
     kind = np.searchsorted(first, matrix.indices, side="right") - 1
     none = np.zeros(len(starts[1]) - 1, dtype=int)
     before = np.stack([none, starts[1][:-1], 3 * starts[2][:-1]])
+    block_of_entry = np.repeat(np.sort(block), np.diff(matrix.indptr))
     rows = matrix.indices - first[kind]
-    rows -= before[kind, np.repeat(np.sort(block), np.diff(matrix.indptr))]
+    rows -= before[kind, block_of_entry]
     return matrix.indptr.astype(int), matrix.data, rows, kind.astype(np.int8)
 
 
 class Columns:
-    """The columns of a program, of several blocks that share the rows of ``equations``.
+    """The columns of a program: those of several blocks, which share the rows of the ``equations``.
 
-    ``columns``, ``lines`` and ``cones`` are their numbers in all.
+    ``equations``, ``columns``, ``lines`` and ``cones`` are how many there are in all.
     """
 
     def __init__(self, blocks: Sequence[ColumnBlock], equations: int) -> None:
         self.blocks, self.equations = blocks, equations
         self.members = tuple(block.members for block in blocks)
         self.starts = [
-            _starts(each[field].shape[1] for each in self.members) for field in range(1, 4)
+            _starts(getattr(each, name).shape[1] for each in self.members) for name in _LABELLED
         ]
         self.columns, self.lines, self.cones = (int(start[-1]) for start in self.starts)
 
@@ -200,12 +218,13 @@ class Columns:
         _, lines, cones = (start[:-1] for start in self.starts)
         offset = np.stack([np.zeros_like(lines), p + lines, p + self.lines + 3 * cones])
         # All blocks' columns side by side, their rows shifted there.
-        every = [(block.data, block.rows, block.kind, block.counts) for block in blocks]
-        data, rows, kind, counts = map(np.concatenate, zip(*every, strict=True))
-        number = np.repeat(np.arange(len(blocks)), [len(part[0]) for part in every])
+        data = np.concatenate([block.data for block in blocks])
+        rows = np.concatenate([block.rows for block in blocks])
+        kind = np.concatenate([block.kind for block in blocks])
+        number = np.repeat(np.arange(len(blocks)), [len(block.data) for block in blocks])
         indices = (rows + offset[kind, number]).astype(np.int32)
         indptr = np.zeros(self.columns + 1, dtype=np.int32)
-        np.cumsum(counts, out=indptr[1:])
+        np.cumsum(np.concatenate([block.counts for block in blocks]), out=indptr[1:])
         shape = (p + self.lines + 3 * self.cones, self.columns)
         return sp.csc_array((data, indices, indptr), shape)
 
@@ -223,16 +242,19 @@ class Columns:
         unknowns begin at zero, new duals and slacks in the middle of their cone, as large as the
         others are on average.
         """
+        # The columns, lines and cones there from which these go on; -1 for new ones.
         point, match = other.point, _matched(self.members, other.members)
         columns, lines, cones = (
-            _placed(self.members, other.members, field, match) for field in range(1, 4)
+            _placed(self.members, other.members, name, match) for name in _LABELLED
         )
+        # The rows of lines and of cones, three each, and the middle of their cones for new ones.
         first = sum(each.lines.shape[1] for each in other.members)
         triples = np.where(cones[:, None] < 0, -1, first + 3 * cones[:, None] + np.arange(3))
         rows = np.concatenate([lines, triples.ravel()])
-        top = np.concatenate([np.ones(len(lines)), np.tile([1.0, 0.0, 0.0], len(cones))])
+        middle = np.concatenate([np.ones(len(lines)), np.tile([1.0, 0.0, 0.0], len(cones))])
         z, s = (
-            np.where(rows < 0, float(np.abs(v).mean()) * top, v[rows]) for v in (point.z, point.s)
+            np.where(rows < 0, float(np.abs(v).mean()) * middle, v[rows])
+            for v in (point.z, point.s)
         )
         return Point(np.where(columns < 0, 0.0, point.x[columns]), point.y, z, s)
 
@@ -246,13 +268,13 @@ def stacked(entries: list[Entry], shape: tuple[int, int]) -> sp.csc_array:
 
 
 def _starts(sizes: Iterable[int]) -> IntArray:
-    """Returns where each one's part begins, and the last of them ends."""
-    return np.array([0, *accumulate(sizes)])
+    """Returns where parts of these sizes begin when they stand one after the other, and the end."""
+    return np.cumsum([0, *sizes])
 
 
 def _matched(own: Sequence[Members], others: Sequence[Members]) -> IntArray:
-    """Returns the number of the disjunct of ``others`` that corresponds to each own one: the one
-    that comes as late at the same contact. Where there is none it is their number."""
+    """Returns the disjunct of ``others`` that each own one goes on from, of the same rank at the
+    same contact; where there is none, how many others there are."""
     (contact, rank), other = _ranked(own), _ranked(others)
     none = other.shape[1]
     sizes = np.maximum(other.max(axis=1, initial=0), [contact.max(), rank.max()]) + 1
@@ -262,30 +284,32 @@ def _matched(own: Sequence[Members], others: Sequence[Members]) -> IntArray:
 
 
 def _ranked(members: Sequence[Members]) -> IntArray:
-    """Returns the contact of every disjunct, counted from 1, and how many came before there."""
+    """Returns (2, d) the contact of every disjunct, counted from 1 so that no contact is 0, and its
+    rank: how many disjuncts of the same contact come before it."""
     contact = np.concatenate([each.contact for each in members]) + 1
     place, starts = _grouped(contact, int(contact.max(initial=0)) + 1)
     return np.stack([contact, place - starts[contact]])
 
 
 def _placed(
-    own: Sequence[Members], others: Sequence[Members], field: int, match: IntArray
+    own: Sequence[Members], others: Sequence[Members], name: str, match: IntArray
 ) -> IntArray:
-    """Returns which of the others' members of a ``field`` of :class:`Members` has the same kind and
-    the disjunct that corresponds by ``match``, for each own member; -1 for none."""
-    kind, disjunct = _joined(own, field)
-    other_kind, other_disjunct = _joined(others, field)
-    kinds = int(max(kind.max(initial=0), other_kind.max(initial=0))) + 1
+    """Returns for each own column, line or cone, as ``name`` says, the one of the others that the
+    same call stated of the disjunct that corresponds by ``match``; -1 for none."""
+    call, disjunct = _joined(own, name)
+    other_call, other_disjunct = _joined(others, name)
+    calls = int(max(call.max(initial=0), other_call.max(initial=0))) + 1
     count = sum(len(each.contact) for each in others)
-    place = np.full((kinds, count + 1), -1)
-    place[other_kind, other_disjunct] = np.arange(len(other_disjunct))
-    return np.asarray(place[kind, match[disjunct]])
+    place = np.full((calls, count + 1), -1)  # the last column stands for no disjunct
+    place[other_call, other_disjunct] = np.arange(len(other_disjunct))
+    return np.asarray(place[call, match[disjunct]])
 
 
-def _joined(members: Sequence[Members], field: int) -> IntArray:
-    """Returns the kinds of a field's members, and the numbers of their disjuncts among those of all
-    blocks: (2, k)."""
-    labels = np.concatenate([each[field] for each in members], axis=1)
+def _joined(members: Sequence[Members], name: str) -> IntArray:
+    """Returns the labels (2, k) of all blocks' columns, lines or cones, as ``name`` says, with the
+    disjuncts numbered through all blocks."""
+    parts = [getattr(each, name) for each in members]
+    labels = np.concatenate(parts, axis=1)
     first = _starts(len(each.contact) for each in members)[:-1]
-    labels[1] += np.repeat(first, [each[field].shape[1] for each in members])
+    labels[1] += np.repeat(first, [part.shape[1] for part in parts])
     return labels
