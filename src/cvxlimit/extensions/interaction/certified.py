@@ -121,11 +121,11 @@ class Certified(Method):
     def __post_init__(self) -> None:
         if isinstance(self.starts, str):
             object.__setattr__(self, "starts", (self.starts,))
-        starts = () if self.starts is None else self.starts
-        is_known = isinstance(starts, Sequence) and all(start in STARTS for start in starts)
-        if not is_known or (self.starts is not None and not starts):
-            known = ", ".join(map(repr, STARTS))
-            raise ModelError(f"starts must be among {known}, at least one, got {self.starts!r}")
+        if self.starts is not None:
+            is_sequence = isinstance(self.starts, Sequence) and len(self.starts) > 0
+            if not is_sequence or any(start not in STARTS for start in self.starts):
+                known = ", ".join(map(repr, STARTS))
+                raise ModelError(f"starts must be among {known}, at least one, got {self.starts!r}")
         if self.tolerance is not None:
             ratio(self.tolerance, "tolerance")
         count(self.solves, 1, "solves")
@@ -147,21 +147,21 @@ class Certified(Method):
             # Refuses a dead load that stands with a part of the live one.
             dead_load_falls(run.auxiliary_run())
         elif proof.is_standing_open:
-            run.remarks.append(_OPEN)
+            run.remarks.append(
+                "neither forces that carry the dead load alone nor a proof that there are none "
+                "were found: whether it stands is open"
+            )
         return status
 
     def basis(self, run: Run) -> str:
         return basis(run.best.bracket, run.moments.caution)
 
 
-_OPEN = (
-    "neither forces that carry the dead load alone nor a proof that there are none were found: "
-    "whether it stands is open"
-)
-
-
 class _Proof:
-    """A certified run under way: its solves one by one, and how it ended."""
+    """A certified run under way: :meth:`steps` has its stages, the methods after it each of them.
+
+    ``is_standing_open`` is True where it is not known whether the dead load stands alone.
+    """
 
     def __init__(self, settings: Certified, run: Run) -> None:
         self.settings, self.run = settings, run
@@ -171,20 +171,22 @@ class _Proof:
         self.is_standing_open = False
         self._first_relaxation = 0  # row of the history
         self._at_rest: FloatArray | None = None  # forces that carry the dead load alone
-        self._seen: Answer | None = None  # proved as it can be
+        self._proved: Answer | None = None  # the answer that has been proved, as far as it can be
 
     def steps(self) -> Steps:
         run = self.run
         with run.clock.phase("compile"):
             half = SymmetricHalf.of(self.found, run.moments)
         outer = UpperBound(run, half)
+        # 1. Forces in the plane.
         if self._is_planar(outer):
             return Status.CERTIFIED
+        # 2. The relaxation. Where a wide bracket is asked for, half of it is left to safe steps.
         run.reductions = () if half is None else ("symmetry",)
-        # Where a wide bracket is asked for, half of it is left to the safe steps.
         tolerance = max(BRACKET.outer, 0.5 * (self.settings.tolerance or 0.0))
         self._first_relaxation = len(run.history)  # after planar problems
         yield from self._bound_from_above(outer, tolerance)
+        # 3. Whether the dead load stands, and whether any multiple of the live load is carried.
         if self._cannot_stand():
             return Status.DEAD_LOAD_UNSTABLE
         is_boundless = run.is_boundless(run.best.bracket.upper)  # without any it is infinite
@@ -193,12 +195,16 @@ class _Proof:
         if run.best.mechanism is None:
             yield from self._borrow()
         else:
+            # 4. Safe steps; where they end below zero, forces that carry the dead load alone.
             yield from self._bound_from_below(outer)
-            self._stand()
+            if self._at_rest is not None and run.best.bracket.lower < 0.0:
+                run.best = run.best.raised(0.0, True, 0.0, self._at_rest)
+            # 5. and 6. Branch and bound, and the proof of the lower bound.
             yield from self._branch(outer)
             self._prove()
             if self._is_ruled_out(run.best.bracket):
                 return Status.DEAD_LOAD_UNSTABLE
+        # The lower bound may show that there is no limit, where the upper one did not.
         lower = run.best.bracket.lower
         if lower > 0.0 and run.is_boundless(lower) and self._is_unbounded():
             return judged(run, is_plain=False)
@@ -228,8 +234,9 @@ class _Proof:
         return True
 
     def _bound_from_above(self, outer: UpperBound, tolerance: float) -> Iterator[None]:
-        """The relaxation; where its disjuncts take long a first lower bound waits for no more of
-        them than bring the upper bound near the relaxation's load factor."""
+        """The relaxation, refined round by round. Where that takes longer than the usual budget, a
+        first lower bound is sought as soon as the upper one is near the relaxation's load factor;
+        then the rounds go on."""
         run, rounds = self.run, outer.rounds(tolerance, self.ladder)
         for _ in rounds:
             yield None
@@ -245,6 +252,171 @@ class _Proof:
                 break
         yield from rounds
         yield None
+
+    def _cannot_stand(self) -> bool:
+        """True if it is proved that no true states carry the dead load, which a positive load
+        factor does not rule out: pushed, a block may stay where it would slide down."""
+        run, dead = self.run, self.run.assemblage.statics.dead
+        if not np.any(dead):
+            return False
+        # States strictly inside Eq. 30 that are known to carry it.
+        self._at_rest = next(iter(self.climbs.checker.reserves), None)
+        if self._at_rest is not None:
+            return False
+        # As a live load it is carried as a whole or not at all, by homogeneity.
+        alone = run.auxiliary_run(run.assemblage.alone(dead))
+        UpperBound(alone).search(BRACKET.outer, self.ladder)
+        if alone.best.bracket.upper < 0.5:
+            rates = alone.best.mechanism
+            run.best = replace(run.best, forces=None, mechanism=rates)
+            if rates is not None:
+                run.remarks = [fallen(run.scene, rates)]
+            return True
+        # Forces that carry it are sought, then a proof that there are none.
+        self._at_rest = carrying_forces(run, dead, self.ladder)
+        if self._at_rest is None and self._needs_live_load():
+            return True
+        self.is_standing_open = self._at_rest is None
+        return False
+
+    def _needs_live_load(self) -> bool:
+        """True if branch and bound proves that the dead load needs some of the live load: that the
+        largest factor of the reversed load is below zero."""
+        run, statics = self.run, self.run.assemblage.statics
+        back = run.auxiliary_run(run.assemblage.under(statics.dead, -statics.live))
+        outer = UpperBound(back)
+        outer.search(BRACKET.outer, self.ladder)
+        is_small = len(run.contacts) <= BRACKET.few
+        seconds = BRACKET.branching if is_small else BRACKET.standing * BRACKET.budget
+        seconds = min(seconds, self._end)
+        if outer.state is not None and np.isfinite(back.best.bracket.upper):
+            until = run.clock.elapsed + seconds
+            search = BranchAndBound(back, BRACKET.good, outer=outer, seconds=seconds)
+            while search.can_go_on and run.clock.elapsed < until:
+                if back.best.bracket.is_below_zero:
+                    break
+                search.step()
+        if not self._is_ruled_out(back.best.bracket):
+            return False
+        run.best = replace(run.best, forces=None, mechanism=back.best.mechanism)
+        return True
+
+    def _is_unbounded(self) -> bool:
+        """True if forces carry the live load alone, strictly inside Eq. 30: as that is homogeneous,
+        every load factor beyond some finite one is then carried."""
+        run = self.run
+        forces = carrying_forces(run, run.assemblage.statics.live, self.ladder)
+        if forces is None:
+            run.remarks = [
+                "no upper bound, and no forces were found that carry the live load alone: whether "
+                "it does any harm is open"
+            ]
+            return False
+        run.best = replace(run.best, forces=forces, mechanism=None)
+        run.remarks = []
+        return True
+
+    @cached_property
+    def climbs(self) -> InnerMethod:
+        """The searches for a lower bound, whose problems are compiled when first asked for."""
+        return InnerMethod(self.run, self.settings.solves, reductions=self.found)
+
+    def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
+        """Climbs from each start in turn, then under stricter readings of the moments."""
+        run, state = self.run, outer.state
+        for number, name in enumerate(self.settings.starts or self.climbs.starts):
+            if number > 0 and self._is_within(BRACKET.narrow):
+                break
+            relaxed = state.forces if state else None
+            yield from self._until_met(self.climbs.begun(name, relaxed))
+        yield from self._borrow()
+        run.remarks = run.remarks or ["no further progress from these starts"]
+
+    def _borrow(self) -> Iterator[None]:
+        """Climbs under stricter readings, whose forces are admissible here as well, while the
+        bracket is wide."""
+        for stricter in self.run.moments.stricter:
+            if not self._is_within(BRACKET.outer):
+                yield from self._until_met(self.climbs.from_stricter_reading(stricter))
+
+    def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
+        """Goes through iterates, each of which books its bounds, until the tolerance is met."""
+        if self._is_met():
+            return
+        for _ in iterates:
+            if self._is_met():
+                self.run.remarks = ["the tolerance is met"]
+                return
+            yield None
+
+    def _branch(self, outer: UpperBound) -> Iterator[None]:
+        """Branch and bound, one step after another, unless the bracket is narrow or time is short.
+
+        Where it has closed to the width asked for, the lower bound is proved; if the proof widens
+        the bracket beyond what is wanted, the search goes on to a smaller width.
+        """
+        run, settings = self.run, self.settings
+        width, asked = run.best.bracket.width, self._asked
+        if settings.branching_seconds == 0.0:
+            return
+        if width <= asked:
+            asked = self._width_after_proof()
+            if width <= asked:
+                return
+        # Its seconds: those asked for, else what the budget leaves, else the usual ones.
+        is_small = len(run.contacts) <= BRACKET.few
+        if settings.branching_seconds is not None:
+            seconds = settings.branching_seconds
+        elif settings.budget is None and (settings.tolerance is not None or is_small):
+            seconds = BRACKET.branching
+        else:
+            seconds = self._end - run.clock.elapsed
+        if seconds < self._problem_seconds:
+            run.remarks = [f"{percent(width)} wide after {run.clock.elapsed:.1f} s; {MORE_TIME}"]
+            return
+        progress = Progress(run, seconds, ends_idle=settings.branching_seconds is None)
+        own = settings.executor
+        with nullcontext(own) if own else processes(settings.workers) as executor:
+            search = BranchAndBound(run, asked, executor, settings.workers, outer, seconds)
+            while True:
+                progress.look(search)
+                run.remarks = [progress.said]
+                # It has closed: it goes on only if the proof has widened the bracket too much.
+                if not (search.can_go_on or progress.is_over):
+                    search.tolerance = self._width_after_proof()
+                if not search.can_go_on or progress.is_over or run.best.bracket.is_below_zero:
+                    return
+                yield None
+                search.step()
+
+    def _width_after_proof(self) -> float:
+        """Proves the lower bound, and returns the relative width at which a search may end next.
+
+        Where the proved bracket is as narrow as wanted it is kept, and the width is infinite.
+        Otherwise the bracket before the proof comes back, which is of more use to a search, and the
+        width is less than that bracket's, by more than the proof has cost.
+        """
+        run, before = self.run, self.run.best
+        self._prove()
+        cost = run.best.bracket.width - before.bracket.width
+        if run.best.bracket.width <= self._wanted:
+            return np.inf
+        run.best = before
+        return before.bracket.width - cost
+
+    def _prove(self) -> None:
+        """The lower bound proved, if that costs little; once per bracket."""
+        if self.run.best is not self._proved:
+            prove(self.run, self._end, self._asked)
+            self._proved = self.run.best
+
+    def _is_ruled_out(self, bracket: Bracket) -> bool:
+        """True if a bracket's upper bound is below zero and proved; the remarks say so then."""
+        if not (bracket.is_below_zero and bracket.upper_is_proved):
+            return False
+        what = "no contact forces carry the dead load alone, at any eccentricities"
+        self.run.remarks = [f"branch and bound proves that {what}"]
+        return True
 
     @property
     def _wanted(self) -> float:
@@ -269,179 +441,13 @@ class _Proof:
 
     @property
     def _problem_seconds(self) -> float:
-        """Seconds of the first relaxation, by which those of further problems are guessed."""
+        """Seconds of the first relaxation, which further problems are expected to take."""
         return self.run.history[self._first_relaxation].seconds
 
-    def _bound_from_below(self, outer: UpperBound) -> Iterator[None]:
-        """Climbs from each start in turn, then under stricter readings of the moments."""
-        run, state = self.run, outer.state
-        for number, name in enumerate(self.settings.starts or self.climbs.starts):
-            if number > 0 and self._is_within(BRACKET.narrow):
-                break
-            relaxed = state.forces if state else None
-            yield from self._until_met(self.climbs.begun(name, relaxed))
-        yield from self._borrow()
-        run.remarks = run.remarks or ["no further progress from these starts"]
-
-    @cached_property
-    def climbs(self) -> InnerMethod:
-        """The searches for a lower bound, whose problems are compiled when first asked for."""
-        return InnerMethod(self.run, self.settings.solves, reductions=self.found)
-
-    def _borrow(self) -> Iterator[None]:
-        """Climbs under stricter readings, whose forces are admissible here as well, while the
-        bracket is wide."""
-        for stricter in self.run.moments.stricter:
-            if not self._is_within(BRACKET.outer):
-                yield from self._until_met(self.climbs.from_stricter_reading(stricter))
-
-    def _until_met(self, iterates: Iterator[object]) -> Iterator[None]:
-        """Goes through iterates, each of which books its bounds, until the tolerance is met."""
-        if self._is_met():
-            return
-        for _ in iterates:
-            if self._is_met():
-                self.run.remarks = ["the tolerance is met"]
-                return
-            yield None
-
     def _is_met(self) -> bool:
+        """True if the bracket is as narrow as the tolerance that was asked for, if one was."""
         return self.run.best.bracket.width <= (self.settings.tolerance or 0.0)
 
     def _is_within(self, width: float) -> bool:
+        """True if no tolerance was asked for and the bracket is no wider than that."""
         return self.settings.tolerance is None and self.run.best.bracket.width <= width
-
-    def _branch(self, outer: UpperBound) -> Iterator[None]:
-        """Branch and bound, one step after another, unless the bracket is narrow or time is short.
-
-        Where it has closed to the width asked for, the lower bound is proved; if the proof widens
-        the bracket beyond what is wanted, the search goes on to a smaller width.
-        """
-        run, settings = self.run, self.settings
-        width, asked = run.best.bracket.width, self._asked
-        if settings.branching_seconds == 0.0:
-            return
-        if width <= asked and width <= (asked := self._width_after_proof()):
-            return
-        seconds = self._branching_seconds()
-        if seconds < self._problem_seconds:
-            run.remarks = [f"{percent(width)} wide after {run.clock.elapsed:.1f} s; {MORE_TIME}"]
-            return
-        progress = Progress(run, seconds, ends_idle=settings.branching_seconds is None)
-        own = settings.executor
-        with nullcontext(own) if own else processes(settings.workers) as executor:
-            search = BranchAndBound(run, asked, executor, settings.workers, outer, seconds)
-            while True:
-                progress.look(search)
-                run.remarks = [progress.said]
-                if not (search.can_go_on or progress.is_over):
-                    search.tolerance = self._width_after_proof()
-                if not search.can_go_on or progress.is_over or run.best.bracket.is_below_zero:
-                    return
-                yield None
-                search.step()
-
-    def _prove(self) -> None:
-        """The lower bound proved, if that costs little; once per bracket."""
-        if self.run.best is not self._seen:
-            prove(self.run, self._end, self._asked)
-            self._seen = self.run.best
-
-    def _width_after_proof(self) -> float:
-        """Proves the lower bound, and returns the relative width at which a search may end next.
-
-        Where the proved bracket is as narrow as wanted it is kept, and the width is infinite.
-        Otherwise the bracket before the proof comes back, which is of more use to a search, and the
-        width is less than that bracket's, by more than the proof has cost.
-        """
-        run, before = self.run, self.run.best
-        self._prove()
-        cost = run.best.bracket.width - before.bracket.width
-        if run.best.bracket.width <= self._wanted:
-            return np.inf
-        run.best = before
-        return before.bracket.width - cost
-
-    def _branching_seconds(self) -> float:
-        """Seconds that branch and bound may take from now on."""
-        settings, run = self.settings, self.run
-        if settings.branching_seconds is not None:
-            return settings.branching_seconds
-        is_small = len(run.contacts) <= BRACKET.few
-        if settings.budget is None and (settings.tolerance is not None or is_small):
-            return BRACKET.branching
-        return self._end - run.clock.elapsed
-
-    def _cannot_stand(self) -> bool:
-        """True if it is proved that no true states carry the dead load, which a positive load
-        factor does not rule out: pushed, a block may stay where it would slide down."""
-        run, dead = self.run, self.run.assemblage.statics.dead
-        if not np.any(dead):
-            return False
-        self._at_rest = next(iter(self.climbs.checker.reserves), None)
-        if self._at_rest is not None:
-            return False
-        alone = run.auxiliary_run(run.assemblage.alone(dead))
-        UpperBound(alone).search(BRACKET.outer, self.ladder)
-        if alone.best.bracket.upper < 0.5:  # by homogeneity it is carried as a whole or not at all
-            rates = alone.best.mechanism
-            run.best = replace(run.best, forces=None, mechanism=rates)
-            if rates is not None:
-                run.remarks = [fallen(run.scene, rates)]
-            return True
-        self._at_rest = carrying_forces(run, dead, self.ladder)
-        if self._at_rest is None and self._needs_live_load():
-            return True
-        self.is_standing_open = self._at_rest is None
-        return False
-
-    def _needs_live_load(self) -> bool:
-        """True if branch and bound proves that the dead load needs some of the live load: largest
-        factors of the reversed load are below zero."""
-        run, statics = self.run, self.run.assemblage.statics
-        back = run.auxiliary_run(run.assemblage.under(statics.dead, -statics.live))
-        outer = UpperBound(back)
-        outer.search(BRACKET.outer, self.ladder)
-        is_small = len(run.contacts) <= BRACKET.few
-        seconds = BRACKET.branching if is_small else BRACKET.standing * BRACKET.budget
-        seconds = min(seconds, self._end)
-        if outer.state is not None and np.isfinite(back.best.bracket.upper):
-            until = run.clock.elapsed + seconds
-            search = BranchAndBound(back, BRACKET.good, outer=outer, seconds=seconds)
-            while search.can_go_on and run.clock.elapsed < until:
-                if back.best.bracket.is_below_zero:
-                    break
-                search.step()
-        if not self._is_ruled_out(back.best.bracket):
-            return False
-        run.best = replace(run.best, forces=None, mechanism=back.best.mechanism)
-        return True
-
-    def _is_ruled_out(self, bracket: Bracket) -> bool:
-        """True if an upper bound below zero is proved, however it was found."""
-        if not (bracket.is_below_zero and bracket.upper_is_proved):
-            return False
-        what = "no contact forces carry the dead load alone, at any eccentricities"
-        self.run.remarks = [f"branch and bound proves that {what}"]
-        return True
-
-    def _stand(self) -> None:
-        """Forces that carry the dead load alone, where none were found that carry more."""
-        run = self.run
-        if self._at_rest is not None and run.best.bracket.lower < 0.0:
-            run.best = run.best.raised(0.0, True, 0.0, self._at_rest)
-
-    def _is_unbounded(self) -> bool:
-        """True if forces carry the live load alone, strictly inside Eq. 30: as that is homogeneous,
-        every load factor beyond some finite one is then carried."""
-        run = self.run
-        forces = carrying_forces(run, run.assemblage.statics.live, self.ladder)
-        if forces is None:
-            run.remarks = [
-                "no upper bound, and no forces were found that carry the live load alone: whether "
-                "it does any harm is open"
-            ]
-            return False
-        run.best = replace(run.best, forces=forces, mechanism=None)
-        run.remarks = []
-        return True
