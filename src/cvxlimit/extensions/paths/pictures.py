@@ -24,7 +24,7 @@ from cvxlimit.plotting.pictures.animation import Animation, forth_and_back, fram
 from cvxlimit.plotting.pictures.webpage import Page, path_page, sentences
 from cvxlimit.plotting.registry import figures
 from cvxlimit.plotting.style import Style
-from cvxlimit.results.movement import Motion, motions_of
+from cvxlimit.results.movement import motions_of
 from cvxlimit.solution.bracket import Bracket, rounded
 
 _PAUSE = 0.25
@@ -46,33 +46,39 @@ def curve(path: Path, **options: Any) -> Any:
     supports that move of their reaction, from the least to the largest."""
     chart = figures("sheet").Sheet.of((6.4, 4.4), **options)
     heights = _heights(path)
-    _draw_pieces(chart.axes, path.displacement, heights, path.pieces, _ordinate(path))
+    ordinate = f"reaction ({printable(path.units.push)})" if path.motions else "load factor"
+    _draw_pieces(chart.axes, path.displacement, heights, path.pieces, ordinate)
     # What has come apart: cohesion of joints, and ties.
     torn = [k - 1 for k, what in enumerate(path.failed) if what]
     if torn:
         at = path.displacement[torn], heights[torn]
         chart.axes.plot(*at, "x", color=Style.red, ms=7, label="cohesion or tie gone from there on")
-    # The same path with half the step, where it was followed twice to see what steps change.
-    if (half_step := path.halved) is not None:
+    # The same path with half the step, where it was followed twice to see what steps change. Of
+    # several lines of a kind the first has an entry in the legend: Matplotlib leaves out "_".
+    half, other = path.halved, path.other_flow
+    if half is not None:
         label = "with half the step"
-        for part in (slice(*piece) for piece in half_step.pieces):
-            curve = half_step.displacement[part], _heights(half_step)[part]
-            chart.axes.plot(*curve, color=Style.amber, lw=0.9, label=label)
+        for start, stop in half.pieces:
+            x, y = half.displacement[start:stop], _heights(half)[start:stop]
+            chart.axes.plot(x, y, color=Style.amber, lw=0.9, label=label)
             label = "_"
-    if (other := path.other_flow) is not None:
+    # What the other flow rule says, and where blocks are followed instead of being at rest.
+    if other is not None:
         label = f"{other.flow}, where blocks are followed"
-        chart.axes.plot(other.displacement, _heights(other), color=Style.amber, ls="--", lw=0.9,
-                        label=label)  # fmt: skip
-    if followed := [i for i, each in enumerate(path) if each.is_followed]:
+        x, y = other.displacement, _heights(other)
+        chart.axes.plot(x, y, color=Style.amber, ls="--", lw=0.9, label=label)
+    followed = [i for i, each in enumerate(path) if each.is_followed]
+    if followed:
         at = path.displacement[followed], heights[followed]
         look = {"color": Style.blue, "mfc": "white", "ms": 4.5}
         chart.axes.plot(*at, "o", **look, label="followed, not at rest")
-    # Only the first bracket has an entry in the legend: matplotlib leaves out labels like "_".
-    label = "bracket of a configuration"
-    brackets = [each.bracket or Bracket(np.nan, np.nan) for each in path]
-    ends = np.array([(each.lower, each.upper) for each in brackets])
+    # The bracket of each configuration; of supports that move, what bounds their reaction.
     if path.motions:
         label, ends = "least to largest, with their bounds", path.reactions[:, [0, 3]]
+    else:
+        label = "bracket of a configuration"
+        brackets = [each.bracket or Bracket(np.nan, np.nan) for each in path]
+        ends = np.array([(each.lower, each.upper) for each in brackets])
     for i in np.flatnonzero(np.isfinite(ends).all(axis=1)):
         x = path.displacement[[i, i]]
         chart.axes.plot(x, ends[i], "_-", color=Style.violet, lw=1.2, ms=9, label=label)
@@ -80,7 +86,7 @@ def curve(path: Path, **options: Any) -> Any:
     left = -0.01 * path.displacement[-1] if path.motions else 0.0  # where reactions are a range
     chart.axes.set_xlim(left=min(left, chart.axes.dataLim.x0))
     proved = figures("sheet").lines_of(_PROVED, chart.letters(10.0), 0.8 * chart.width)
-    chart.axes.set(xlabel="\n".join([_control(path), *proved]), ylabel=_ordinate(path))
+    chart.axes.set(xlabel="\n".join([_control(path), *proved]), ylabel=ordinate)
     chart.write(_title(path))
     return chart.figure
 
@@ -101,10 +107,14 @@ def draw_check(check: Any, file: str | os.PathLike[str] | None, options: dict[st
         ax.plot(d, a, "o", color=colour, ms=6, label=f"{name}: d = {d:.3g} {unit}, {period}")
     ax.set_xlim(left=min(0.0, ax.dataLim.x0))
     ax.set(xlabel=f"spectral displacement ({unit})", ylabel=f"spectral acceleration ({unit}/s²)")
-    end = "" if check.refused else f", d0 = {check.d0:.3g} {unit}"
-    end += ", an interval" * bool(end and " by " in check.ends)
+    if check.refused:
+        end = ": slides, no d0"
+    elif " by " in check.ends:
+        end = f", d0 = {check.d0:.3g} {unit}, an interval"
+    else:
+        end = f", d0 = {check.d0:.3g} {unit}"
     chart.write(f"{printable(check.scene_name)}: a0* = {check.a0_star:.3g} {unit}/s², "
-                f"e* = {check.e_star:.3g}{end or ': slides, no d0'}")  # fmt: skip
+                f"e* = {check.e_star:.3g}{end}")  # fmt: skip
     return chart.figure if file is None else saved(chart.figure, file, options)
 
 
@@ -114,19 +124,17 @@ def _draw_pieces(
     """Draws the curve piece by piece. At a snap a dotted line goes straight down: nothing is known
     about the way between."""
     for i, (start, stop) in enumerate(pieces):
-        part, name = slice(start, stop), "_" if i else label
-        ax.plot(x[part], y[part], ".-", color=Style.blue, lw=1.6, ms=5, label=name)
-        if i:
-            name = "snap" if i == 1 else "_"
-            ax.plot(
-                [x[start]] * 2, [y[start - 1], y[start]], ":", color=Style.red, lw=1.6, label=name
-            )
+        name = label if i == 0 else "_"
+        ax.plot(x[start:stop], y[start:stop], ".-", color=Style.blue, lw=1.6, ms=5, label=name)
+        if i > 0:
+            at, drop, name = [x[start], x[start]], y[[start - 1, start]], "snap" if i == 1 else "_"
+            ax.plot(at, drop, ":", color=Style.red, lw=1.6, label=name)
     ax.axhline(0.0, color=Style.axis, lw=0.6, zorder=0)
 
 
 def film(path: Path, *, viewer: Viewer = None, **options: Any) -> Animation:
     """An animation of all configurations, from rest to the end of the path and back."""
-    motions = _motions(path)
+    motions = motions_of(path.scene, [each.displacements for each in path])
     largest = max(motions, key=lambda motion: motion.largest)
     drawing = Drawing(
         path.scene, largest, camera_for(path.scene, largest, viewer), _title(path),
@@ -140,12 +148,13 @@ def page(path: Path) -> Page:
     """A page, one file that needs no network, with a slider over the configurations beside the
     curve."""
     of = "Reaction over movement" if path.motions else "Load factor over displacement"
-    curve = {**_numbers(path), "texts": _texts(path), "of": of, "unit": path.units.displacement}
-    curve["half"] = None if path.halved is None else _numbers(path.halved)
+    numbers = {**_numbers(path), "texts": _texts(path), "of": of, "unit": path.units.displacement}
+    numbers["half"] = None if path.halved is None else _numbers(path.halved)
     reason = "" if path.reason == path.headline else path.reason
     advice = sentences(path.headline, reason, *path.notes, PROVES)
-    contents = {"title": _title(path), "advice": advice, "path": curve}
-    return path_page(path.scene, _motions(path), contents)
+    contents = {"title": _title(path), "advice": advice, "path": numbers}
+    motions = motions_of(path.scene, [each.displacements for each in path])
+    return path_page(path.scene, motions, contents)
 
 
 def _numbers(path: Path) -> dict[str, Any]:
@@ -159,44 +168,36 @@ def _heights(path: Path) -> FloatArray:
     return -path.load_factor if path.motions else path.load_factor
 
 
-def _motions(path: Path) -> list[Motion]:
-    return motions_of(path.scene, [each.displacements for each in path])
-
-
 def _texts(path: Path) -> list[str]:
-    """What is written below each configuration: its load factor and displacement."""
+    """What is written below each configuration: its load factor, or the supports' reaction, and its
+    displacement."""
     _, unit, push = map(printable, path.units)
     what, of = ("reaction", f" {push}") if path.motions else ("load factor", "")
-    return [
-        f"{what} {round(y, DIGITS) + 0.0:.{DIGITS}f}{of} at {x:.4g} {unit}"
-        + ", followed" * each.is_followed
-        for x, y, each in zip(path.displacement, _heights(path), path, strict=True)
-    ]
+    texts = []
+    for x, y, each in zip(path.displacement, _heights(path), path, strict=True):
+        height = round(y, DIGITS) + 0.0  # never "-0"
+        text = f"{what} {height:.{DIGITS}f}{of} at {x:.4g} {unit}"
+        texts.append(f"{text}, followed" if each.is_followed else text)
+    return texts
 
 
 def _title(path: Path) -> str:
+    """The name of the scene, where the path begins and how it ends."""
+    name = printable(path.scene.name)
     if path.motions:
         end = "falls" if path.status == "falls" else path.ending
-        unit = printable(path.units.w)
-        return f"{printable(path.scene.name)}: {end} at {path.w[-1]:.5g} {unit} of movement"
+        return f"{name}: {end} at {path.w[-1]:.5g} {printable(path.units.w)} of movement"
     begin = "at rest" if path.initial is not None else "where it starts, displaced"
-    start = f"load factor {rounded(path.load_factor[0], DIGITS)} {begin}"
-    unit = printable(path.scene.units.length)
+    start = f"{name}: load factor {rounded(path.load_factor[0], DIGITS)} {begin}"
+    if path.slides_away:
+        return f"{start}, slides: no d0"
     low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
-    end = f"zero at {low}" + (f" to {high}" if low != high else "")
     if np.isnan(path.d0_interval[0]):
         end = f"{path.ending} at {path.displacement[-1]:.4g}"
-    if path.slides_away:
-        return f"{printable(path.scene.name)}: {start}, slides: no d0"
-    return f"{printable(path.scene.name)}: {start}, {end} {unit}" + ", followed" * bool(
-        path.followed
-    )
-
-
-def _ordinate(path: Path) -> str:
-    """What the curve is of."""
-    push = printable(path.units.push)
-    return f"reaction ({push})" if path.motions else "load factor"
+    else:
+        end = f"zero at {low}" if low == high else f"zero at {low} to {high}"
+    title = f"{start}, {end} {printable(path.scene.units.length)}"
+    return f"{title}, followed" if path.followed else title
 
 
 def _control(path: Path) -> str:
