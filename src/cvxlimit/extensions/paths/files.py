@@ -11,7 +11,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.configuration import Configuration, Flow, Points
 from cvxlimit.extensions.paths.path import Ending, Work, other_than
 from cvxlimit.extensions.paths.path import Path as Displacements
-from cvxlimit.extensions.paths.starting import begun
+from cvxlimit.extensions.paths.starting import for_path
 from cvxlimit.extensions.paths.supports import guided, standing
 from cvxlimit.io.fields import ANY_FINITE, FilePath, JsonObject, refusals, shown
 from cvxlimit.io.forms import (
@@ -121,7 +121,7 @@ def _path(
         is_guided = motions[0].supports[0] not in scene.supports  # in files of former versions
         given["given"] = standing(scene, motions) if is_guided else scene
         scene = scene if is_guided else guided(scene, motions)
-    scene = begun(scene)[0]
+    scene = for_path(scene)[0]
     path = _run(scene, initial, **given)
     for name in ("units", "contact_names", "lumped"):
         own, found = (getattr(each, name, None) for each in (initial, path.initial))

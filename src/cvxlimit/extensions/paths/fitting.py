@@ -22,7 +22,7 @@ from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.path import Path
 from cvxlimit.extensions.paths.pushover import pushover
 from cvxlimit.extensions.paths.resting import REACH, Rest
-from cvxlimit.extensions.paths.starting import begun
+from cvxlimit.extensions.paths.starting import for_path
 from cvxlimit.scene import Scene
 from cvxlimit.scene.scene import check_scene
 from cvxlimit.scene.settling import SupportMotion, check_motions
@@ -148,7 +148,7 @@ class _Fit:
         self.about = blocks[supports[0]].centroid
         self.size = scene.contacts.typical_size
         self.unit = np.repeat([self.size, 1.0], 3)
-        start = begun(scene)[0]
+        start = for_path(scene)[0]
         across = Rest(start, REACH * self.size, "associated").across
         along = np.eye(3) if across is None else null_space(across[None])
         about = np.eye(3) if across is None else across[:, None]

@@ -40,7 +40,7 @@ from cvxlimit.extensions.paths.proof import bracket_of
 from cvxlimit.extensions.paths.proximal import LACKS
 from cvxlimit.extensions.paths.refusing import stands
 from cvxlimit.extensions.paths.resting import LEFT, REACH, At
-from cvxlimit.extensions.paths.starting import begun
+from cvxlimit.extensions.paths.starting import for_path
 from cvxlimit.extensions.paths.supports import falling, guided
 from cvxlimit.io.scenes import scene_digest
 from cvxlimit.methods.solving import solve
@@ -77,7 +77,7 @@ def path_checks(path: Path) -> Iterator[Check]:
     if path.motions:
         yield _pushed(path)
     elif path.initial is None:
-        is_met = begun(path.scene)[1] is not None or not stands(solve(path.scene))
+        is_met = for_path(path.scene)[1] is not None or not stands(solve(path.scene))
         yield follows("a scene that starts displaced", is_met, "its dead load stands alone")
     else:
         for check in solution_checks(path.initial, path.scene):
@@ -103,7 +103,7 @@ def path_checks(path: Path) -> Iterator[Check]:
 
 def _pushed(path: Path) -> Check:
     """What was followed is the scene with its supports pushed along their motion."""
-    again = begun(guided(path.scene, path.motions))[0]
+    again = for_path(guided(path.scene, path.motions))[0]
     is_met = scene_digest(again) == scene_digest(path.start)
     return follows("push of the supports that move", is_met, "the scene that was followed differs")
 

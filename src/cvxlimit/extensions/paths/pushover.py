@@ -26,7 +26,7 @@ from cvxlimit.extensions.paths.path import WITHIN, Path, other_than
 from cvxlimit.extensions.paths.refusing import no_path, refuse, stands
 from cvxlimit.extensions.paths.resting import REACH, Rest
 from cvxlimit.extensions.paths.runs import Task, halved, run
-from cvxlimit.extensions.paths.starting import begun, with_resultants
+from cvxlimit.extensions.paths.starting import for_path, with_resultants
 from cvxlimit.extensions.paths.supports import guided
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
@@ -175,7 +175,7 @@ def pushover(
         scene = with_resultants(scene)
     if motions and before is None:
         scene, given = guided(scene, motions), scene
-    scene, why_not = begun(scene)
+    scene, why_not = for_path(scene)
     refuse(scene)
     size = np.ptp(np.concatenate([block.vertices for block in scene.blocks]), axis=0).max()
     if step is not None and not motions and step > size:

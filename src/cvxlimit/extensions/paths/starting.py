@@ -1,5 +1,5 @@
-"""Scenes as paths take them: where they may begin, how they do without dilatancy, and pressures
-that keep their direction."""
+"""Scenes as paths take them: with contacts that a path may begin with, with the end of the way from
+rest, where paths without dilatancy begin, and with pressures that keep their direction."""
 
 from __future__ import annotations
 
@@ -18,35 +18,38 @@ from cvxlimit.scene.scene import Scene
 from cvxlimit.solution import Status
 
 
-def begun(scene: Scene) -> tuple[Scene, GeometryError | None]:
-    """The scene with contacts as a path needs them, and why it has none of its own.
+def for_path(scene: Scene) -> tuple[Scene, GeometryError | None]:
+    """The scene with contacts as a path needs them, and why its own contacts are refused, if so.
 
     On a path blocks may touch at edges alone, and pairs that do not touch yet may have a friction
     of their own, which counts from where they do. Elsewhere both are refused.
     """
-    loose: GeometryError | None = None
+    # A block that is tied may touch no other, so all of them are taken for tied.
+    refusal: GeometryError | None = None
     try:
         found = scene._detection
     except GeometryError as error:
-        loose, every = error, {block.id for block in scene.blocks}
+        refusal, every = error, {block.id for block in scene.blocks}
         found = detect(
             scene.blocks, scene.supports, scene.friction, scene.joint_tolerance, tied=every
         )
-    touching = {*found.contacts.pairs}
-    own = {pair: mu for pair, mu in scene.contact_friction.items() if pair in touching}
-    if loose is None and len(own) == len(scene.contact_friction):
+    # The friction of pairs that do not touch yet waits until they do.
+    touching = set(found.contacts.pairs)
+    present = {pair: mu for pair, mu in scene.contact_friction.items() if pair in touching}
+    if refusal is None and len(present) == len(scene.contact_friction):
         return scene, None
-    contacts = scene._copy(contact_friction=own)._beside("_detection", found).contacts
-    if not len(contacts):  # lengths are compared with blocks where there is no contact
+    contacts = scene._copy(contact_friction=present)._beside("_detection", found).contacts
+    # Without any contact, lengths are compared with the size of blocks.
+    if not len(contacts):
         size = float(np.median([scene.blocks[i].size for i in scene.free]))
         contacts.__dict__["typical_size"] = size
-    return scene._with_contacts(contacts), loose
+    return scene._with_contacts(contacts), refusal
 
 
 @lru_cache(maxsize=1)  # of the scene of a path, for all of its runs
 def from_rest(scene: Scene) -> tuple[float, FloatArray] | str:
-    """The load factor and the rates (free blocks, 6) at the end of the way from rest, or why a path
-    cannot begin there: the way has no end, cohesion has come apart by then, no method goes it."""
+    """The load factor and the rates (free blocks, 6) at the end of the way from rest, as method
+    ``incremental`` finds it; or, in words, why a path cannot begin there."""
     methods = Door("cvxlimit.methods")
     if "incremental" not in methods:
         return str(methods.missing("incremental") or "no method goes it")
@@ -65,11 +68,11 @@ def from_rest(scene: Scene) -> tuple[float, FloatArray] | str:
 
 
 def with_resultants(scene: Scene) -> Scene:
-    """The scene with point loads in place of pressures: their resultants at the centres of
-    pressure, and what moment is left on faces that are not plane."""
+    """The scene with forces in place of pressures: their resultants at the centres of pressure, and
+    the moments that remain on faces that are not plane."""
     blocks = {block.id: block for block in scene.blocks}
 
-    def of(load: Load) -> Load:
+    def without_pressures(load: Load) -> Load:
         points, forces = [*load.points], dict(load.forces)
         for each in load.pressures:
             at, force, moment = each.resultant(blocks[each.block])
@@ -79,4 +82,4 @@ def with_resultants(scene: Scene) -> Scene:
                 forces[each.block] = tuple(rest)
         return replace(load, points=points, forces=forces, pressures=())
 
-    return scene._copy(dead=of(scene.dead), live=of(scene.live))
+    return scene._copy(dead=without_pressures(scene.dead), live=without_pressures(scene.live))
