@@ -78,7 +78,8 @@ class Command(ABC):
             raise InputError("--verbose and --quiet exclude each other: leave one out")
         handler = logging.StreamHandler()
         handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
-        level, voice = LOG.level, VOICE.set(self.verbose - self.quiet)
+        level = LOG.level
+        voice = VOICE.set(int(self.verbose) - int(self.quiet))
         try:
             if self.verbose:
                 LOG.addHandler(handler)
@@ -105,12 +106,13 @@ def typer_command(kind: type[Command]) -> Callable[..., Job]:
     ModelError
         For a field that no docstring describes.
     """
-    # What docstrings say: group, short form, metavar and help of each option.
+    # What docstrings say: group, short form, metavar and help of each option. What the command says
+    # itself counts more than what all commands share.
     said = dict[str, tuple[str, ...]]()
-    for each in (Command, kind):
-        summary, *rest = _SECTION.split(cleandoc(each.__doc__ or ""))
-        sections = dict(zip(rest[::2], rest[1::2], strict=True))
-        for group, text in sections.items():
+    _, *shared = _SECTION.split(cleandoc(Command.__doc__ or ""))
+    summary, *own = _SECTION.split(cleandoc(kind.__doc__ or ""))
+    for sections in (shared, own):
+        for group, text in zip(sections[::2], sections[1::2], strict=True):
             said |= {name: (group, *more) for name, *more in _ENTRY.findall(text)}
 
     # A parameter for each field, those that all commands have last.
@@ -125,11 +127,10 @@ def typer_command(kind: type[Command]) -> Callable[..., Job]:
         words = " ".join(text.split()).format_map(kind.names)
         shown: dict[str, Any] = {"metavar": metavar, "help": words, "show_default": False}
         flags = [f"--{field.name.replace('_', '-')}", *filter(None, [short])]
-        made = (
-            typer.Argument(**shown)
-            if group == "Arguments"
-            else typer.Option(*flags, rich_help_panel=group, **shown)
-        )
+        if group == "Arguments":
+            made = typer.Argument(**shown)
+        else:
+            made = typer.Option(*flags, rich_help_panel=group, **shown)
         parameters.append(
             Parameter(
                 field.name,
@@ -139,13 +140,14 @@ def typer_command(kind: type[Command]) -> Callable[..., Job]:
             )
         )
 
+    # Typer reads the signature, the docstring as help, and what ends the help.
     def command(**given: Any) -> Job:
         return kind(**given)
 
     command.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     command.__doc__ = summary
-    ends = sections.get("Exit code")
-    command.epilog = ends and f"Exit code: {' '.join(ends.split())}"  # type: ignore[attr-defined]
+    ends = " ".join(dict(zip(own[::2], own[1::2], strict=True)).get("Exit code", "").split())
+    command.epilog = f"Exit code: {ends}" if ends else None  # type: ignore[attr-defined]
     return command
 
 
@@ -160,9 +162,10 @@ def either(names: Iterable[str]) -> str:
 
 
 def named_values(option: str, given: Sequence[str], form: str) -> Iterator[tuple[str, str, str]]:
-    """Of each NAME=VALUE given with ``option``: the whole, the name and the value.
+    """Returns of each NAME=VALUE given with ``option`` the whole, the name and the value.
 
-    A refusal says ``form``, how it should be written.
+    The refusal of any other text, or of a name that was given before, ends with ``form``, which
+    says how to write it.
 
     >>> [*named_values("--friction", ["b=0.5"], "write NAME=VALUE")]
     [('b=0.5', 'b', '0.5')]
@@ -179,7 +182,8 @@ def named_values(option: str, given: Sequence[str], form: str) -> Iterator[tuple
 
 
 def vector(name: str, text: str, example: str) -> tuple[float, ...]:
-    """The three numbers of X,Y,Z; a refusal names what they are of and gives the example.
+    """Returns the three numbers of X,Y,Z. The refusal of any other text names the option, ``name``,
+    and gives the ``example``.
 
     >>> vector("--live", "1,0,-0.5", "1,0,0")
     (1.0, 0.0, -0.5)
@@ -193,20 +197,20 @@ def vector(name: str, text: str, example: str) -> tuple[float, ...]:
     return x, y, z
 
 
-def numbers(option: str, text: str, example: str) -> Sequence[float]:
-    """As many numbers as the example has."""
-    wanted = example.split(", or")[0].count(",") + 1
+def numbers(option: str, text: str, count: int, example: str) -> Sequence[float]:
+    """Returns the ``count`` numbers of a text with commas between them. The refusal of any other
+    text names the ``option`` and gives the ``example``."""
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:
         found = []
-    if len(found) != wanted:
-        raise InputError(f"{option} {text}: {wanted} numbers are meant, as in {example}")
+    if len(found) != count:
+        raise InputError(f"{option} {text}: {count} numbers are meant, as in {example}")
     return found
 
 
-def named_block(text: str | None) -> tuple[str, tuple[float, ...]] | None:
-    """Block and direction of ``--control``."""
+def control_of(text: str | None) -> tuple[str, tuple[float, ...]] | None:
+    """Returns block and direction of ``--control BLOCK:X,Y,Z``; None if it is not given."""
     if text is None:
         return None
     block, colon, direction = text.rpartition(":")

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cvxlimit.cli.interrupting import Tell, interruptible
-from cvxlimit.cli.options import Command, named_block, vector
+from cvxlimit.cli.options import Command, control_of, vector
 from cvxlimit.cli.report import facts, files_asked, write_rows
 from cvxlimit.cli.shell import ExitCode, complain, refuse, show
 from cvxlimit.cli.solving import scene_named
@@ -83,7 +83,7 @@ class ShakeCommand(Command):
         reads = {} if self.record is None else {str(self.record): "the record"}
         written = files_asked(self, "csv", reads=reads, plot=[*_KINDS], frame=IMAGES)
         record = self._record()
-        control, along = named_block(self.control), self.direction
+        control, along = control_of(self.control), self.direction
         direction = None if along is None else vector("--direction", along, "1,0,0")
 
         def shaken(tell: Tell) -> Shaking:

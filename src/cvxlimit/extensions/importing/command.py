@@ -208,19 +208,19 @@ class ImportCommand(Command):
         """The scene with what surrounds it."""
         pressures, dead = list[Pressure](), scene.dead
         for each in self.earth or ():
-            level, weight, coefficient, *side = numbers("--earth", each, "2,18,0.3,-1,0,0")
+            level, weight, coefficient, *side = numbers("--earth", each, 6, "2,18,0.3,-1,0,0")
             pressures += earth_pressure(scene, level, weight, coefficient, side)
         for each in self.water or ():
-            level, weight, *side = numbers("--water", each, "2,9.81,-1,0,0")
+            level, weight, *side = numbers("--water", each, 5, "2,9.81,-1,0,0")
             pressures += hydrostatic(scene, level, weight, side)
         if self.live == PRESSURES and not pressures:
             raise InputError("--live pressures: give --earth or --water, which press")
         reactions = list(scene.reactions)
         for each in self.soil or ():
-            level, weight, coefficient, *axis = numbers("--soil", each, "0.5,18,1.5,1,0,0")
+            level, weight, coefficient, *axis = numbers("--soil", each, 6, "0.5,18,1.5,1,0,0")
             reactions += passive(scene, level, weight, coefficient, axis)
         if self.fill is not None:
-            level, weight = numbers("--fill", self.fill, "3,20")
+            level, weight = numbers("--fill", self.fill, 2, "3,20")
             dead = replace(dead, points=(*dead.points, *fill(scene, level, weight)))
         if self.live == PRESSURES:
             scene = scene.with_live(Load(pressures=pressures))

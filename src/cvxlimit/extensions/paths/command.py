@@ -15,7 +15,7 @@ from rich.text import Text
 
 from cvxlimit.base.lines import one_line
 from cvxlimit.cli.interrupting import Tell, interruptible, with_result
-from cvxlimit.cli.options import Command, named_block, named_values, vector
+from cvxlimit.cli.options import Command, control_of, named_values, vector
 from cvxlimit.cli.report import counted, facts, files_asked, write_rows
 from cvxlimit.cli.shell import ExitCode, refuse, show
 from cvxlimit.cli.solving import scene_named
@@ -120,7 +120,7 @@ class PushoverCommand(Command):
     def run(self) -> ExitCode:
         written = files_asked(self, "json", "csv", plot=[*_KINDS], report=(".html",))
         given: Any = {name: getattr(self, name) for name in ("flow", "pressures", "stretch")}
-        given["control"] = named_block(self.control)
+        given["control"] = control_of(self.control)
         given["motion"] = [*self._motions()]
         if given["motion"] and self.code_check is not None:
             raise InputError("--code-check is of a push: leave out --move and --rotation")

@@ -77,7 +77,7 @@ class EnvelopeCommand(Command):
     def run(self) -> ExitCode:
         written = files_asked(self, "csv", plot=IMAGES, report=(".html",))
         vehicle = self.vehicle()
-        first, last, number = numbers("--positions", self.positions, "-1,12,27")
+        first, last, number = numbers("--positions", self.positions, 3, "-1,12,27")
         if not (number >= 1.0 and number == int(number)):
             raise InputError(f"--positions {self.positions}: NUMBER must be whole, 1 or more")
         along = vector("--along", self.along, "1,0,0")
@@ -85,7 +85,7 @@ class EnvelopeCommand(Command):
         def crossed(tell: Tell) -> Envelope:
             scene = scene_named(self.scene)
             if self.soil is not None:
-                weight, coefficient = numbers("--soil", self.soil, "20,1.5")
+                weight, coefficient = numbers("--soil", self.soil, 2, "20,1.5")
                 soil = passive(scene, self.level, weight, coefficient, along)
                 scene = replace(scene, reactions=(*scene.reactions, *soil))
             return envelope(
@@ -120,14 +120,14 @@ class EnvelopeCommand(Command):
         """What the page cannot see: what soil was asked for."""
         if self.soil is None:
             return {}
-        weight, coefficient = numbers("--soil", self.soil, "20,1.5")
+        weight, coefficient = numbers("--soil", self.soil, 2, "20,1.5")
         return {"soil that resists": f"unit weight {weight:g}, K = {coefficient:g}"}
 
     def vehicle(self) -> Vehicle:
         spread: Any = self.spread
         if spread != BOUSSINESQ:
-            (spread,) = numbers("--spread", spread, "0.5, or boussinesq")
-        axles = [numbers("--axle", each, "3.2,115") for each in self.axle]
+            (spread,) = numbers("--spread", spread, 1, "0.5, or boussinesq")
+        axles = [numbers("--axle", each, 2, "3.2,115") for each in self.axle]
         return Vehicle([(distance, force) for distance, force in axles], self.length, spread)
 
 
