@@ -1,11 +1,10 @@
 """COMPAS assemblies, as objects or in JSON: compas_assembly, compas_cra, compas_dem, compas_model.
 
-The rest of this text is about files, which are read as plain data.
-
-An assembly is a graph whose nodes carry blocks; a block model is a list of elements with
-materials. Layers named ``data`` (COMPAS 2) or ``value`` (COMPAS 1) wrap every object. COMPAS 0.x
-has no such layers and no names of types: an assembly is a network beside a table of its blocks, a
-mesh its vertices and faces. No code of COMPAS runs and no object of it is made.
+Objects are asked for their meshes. Files are read as plain data: no code of COMPAS runs, and no
+object of it is made. In files an assembly is a graph whose nodes carry blocks; a block model is a
+list of elements with materials. Layers named ``data`` (COMPAS 2) or ``value`` (COMPAS 1) wrap every
+object. COMPAS 0.x has no such layers and no names of types: an assembly is a network beside a table
+of its blocks, a mesh its vertices and faces.
 """
 
 from __future__ import annotations
@@ -37,9 +36,11 @@ def bodies_of(model: Any) -> list[Body]:
     if not hasattr(model, "elements"):
         return read_compas(json.loads(model.to_jsonstring()))
     elements = [each for each in model.elements() if type(each).__name__ != "Group"]
-    marked, result = any(getattr(each, "is_support", False) for each in elements), []
+    marked = any(getattr(each, "is_support", False) for each in elements)
+    result = []
     for each in elements:
-        if not hasattr(mesh := each.modelgeometry, "to_vertices_and_faces"):
+        mesh = each.modelgeometry
+        if not hasattr(mesh, "to_vertices_and_faces"):
             kind = type(mesh).__name__
             raise InputError(f"element {each.graphnode} has a {kind} as geometry: mesh it first")
         vertices, faces = mesh.to_vertices_and_faces()
@@ -58,19 +59,21 @@ def is_object(value: object) -> bool:
 
 
 def is_compas(document: object) -> bool:
+    """Whether a document, or each object in a list of lists, is one that COMPAS has written: with a
+    ``dtype`` of its own, or, before COMPAS 1, with the keys of an assembly or of a mesh."""
     leaves = [leaf for _, leaf in _leaves(document)]
-    return bool(leaves) and all(map(_is_one, leaves))
-
-
-def _is_one(document: object) -> bool:
-    if not isinstance(document, dict):
-        return False
-    is_old = document.keys() >= {"assembly", "blocks"} or document.keys() >= {"vertex", "face"}
-    return is_old or "compas" in str(document.get("dtype", ""))
+    for leaf in leaves:
+        if not isinstance(leaf, dict):
+            return False
+        is_old = leaf.keys() >= {"assembly", "blocks"} or leaf.keys() >= {"vertex", "face"}
+        if not is_old and "compas" not in str(leaf.get("dtype", "")):
+            return False
+    return bool(leaves)
 
 
 def _leaves(value: Any, places: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """What is in a list, and in lists in it, with its place: "2.0" is the first of the third."""
+    """Each object in a list, or in lists in it, with its place: "2.0" is the first of the third.
+    What is no list is the one object, with an empty place."""
     if not isinstance(value, (list, tuple)):
         yield ".".join(places), value
         return
@@ -81,8 +84,8 @@ def _leaves(value: Any, places: tuple[str, ...] = ()) -> Iterator[tuple[str, Any
 
 
 def _listed(value: object, bodies: Callable[[Any], list[Body]]) -> list[Body]:
-    """The bodies in a list, named for their places; those of an assembly in it also for their
-    nodes."""
+    """The ``bodies`` of all objects in a list, named by their places; those of an assembly in it by
+    their nodes as well."""
     return [
         replace(body, name=f"{place}.{body.name}" if body.name else place)
         for place, leaf in _leaves(value)
@@ -91,7 +94,7 @@ def _listed(value: object, bodies: Callable[[Any], list[Body]]) -> list[Body]:
 
 
 def read_json(path: Path, notes: list[str]) -> list[Body]:
-    """The blocks of a file of COMPAS."""
+    """The blocks of a file of COMPAS. All readers have ``notes``; this one adds none."""
     document = parsed(read_bytes(path))
     if isinstance(document, dict) and document.get("format") == "cvxlimit-scene":
         raise InputError("this is a scene already: solve it, there is nothing to import")
@@ -104,6 +107,8 @@ def read_json(path: Path, notes: list[str]) -> list[Body]:
 
 
 def read_compas(document: object) -> list[Body]:
+    """The blocks of a document: a list, an assembly of COMPAS 0.x, a mesh, a block model or an
+    assembly, whichever its keys tell. Raises InputError for any other."""
     if isinstance(document, list):
         return _listed(document, read_compas)
     content = _content(document)
@@ -124,6 +129,7 @@ def read_compas(document: object) -> list[Body]:
 
 
 def _of_assembly(nodes: Mapping[str, Any]) -> list[Body]:
+    """The blocks of an assembly's nodes, in their natural order."""
     marked = any(isinstance(n, dict) and n.get("is_support") for n in nodes.values())
     result = []
     for key, node in sorted(nodes.items(), key=lambda item: natural(item[0])):
@@ -138,23 +144,23 @@ def _of_assembly(nodes: Mapping[str, Any]) -> list[Body]:
 
 
 def _of_network(content: Mapping[str, Any]) -> list[Body]:
-    """Reads a network as COMPAS 0.x writes it; some versions call its nodes vertices."""
+    """The blocks of a network as COMPAS 0.x writes it; some versions call its nodes vertices."""
     network = mapping(content["assembly"], "the assembly")
     nodes = mapping(network.get("node") or network.get("vertex") or {}, "nodes of the assembly")
     blocks = mapping(content["blocks"], "blocks of the assembly")
-    lost = [key for key in nodes if key not in blocks]
-    if lost or not blocks:
-        raise InputError(f"node {shown(lost[0])} of the assembly has no block" if lost else
-                         "the assembly has no blocks")  # fmt: skip
-    return _of_assembly(
-        {
-            key: {**mapping(nodes.get(key, {}), f"node {shown(key)}"), "block": block}
-            for key, block in blocks.items()
-        }
-    )
+    for key in nodes:
+        if key not in blocks:
+            raise InputError(f"node {shown(key)} of the assembly has no block")
+    if not blocks:
+        raise InputError("the assembly has no blocks")
+    joined = dict[str, Any]()
+    for key, block in blocks.items():
+        joined[key] = {**mapping(nodes.get(key, {}), f"node {shown(key)}"), "block": block}
+    return _of_assembly(joined)
 
 
 def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
+    """The blocks of a block model, named by their numbers among its elements."""
     elements = mapping(content["elements"], "elements of the block model")
     materials = mapping(content.get("materials") or {}, "materials of the block model")
     densities = {key: _content(value).get("density") for key, value in materials.items()}
@@ -162,10 +168,9 @@ def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
     whole = _transformation(content.get("transformation"), "the block model")
     tree = content.get("tree")
     root = tree.get("root") if isinstance(tree, dict) else None
-    placed = dict(_tree(root, elements, whole)) if isinstance(root, dict) else {}
-    for number_, key in enumerate(elements):
-        element = _content(elements[key])
-        name = str(number_)
+    placed = dict(_placed(root, elements, whole)) if isinstance(root, dict) else {}
+    for place, key in enumerate(elements):
+        name, element = str(place), _content(elements[key])
         if element.get("features"):
             raise InputError(
                 f"block {name!r} has features (cuts or joints), which only COMPAS can apply: "
@@ -184,10 +189,11 @@ def _of_model(content: Mapping[str, Any]) -> Iterator[Body]:
         )
 
 
-def _tree(
+def _placed(
     node: Mapping[str, Any], elements: Mapping[str, Any], above: FloatArray, depth: int = 0
 ) -> Iterator[tuple[str, FloatArray]]:
-    """Where the elements of a tree of groups are placed, without their own transformations."""
+    """The key of each element below a node of a tree of groups, and the transformation (4, 4) of
+    all groups that it is in, ``above`` among them, without its own."""
     if depth > _DEEPEST:
         raise InputError("groups of the block model are nested too deeply; flatten them")
     key, children = node.get("element"), node.get("children")
@@ -197,7 +203,7 @@ def _tree(
         above = above @ _transformation(own, f"element {shown(key)}")
     for child in children if isinstance(children, list) else ():
         if isinstance(child, dict):
-            yield from _tree(child, elements, above, depth + 1)
+            yield from _placed(child, elements, above, depth + 1)
 
 
 def _block(
@@ -207,6 +213,7 @@ def _block(
     density: object,
     transformation: FloatArray | None = None,
 ) -> Body:
+    """The body of a mesh whose vertices and faces stand in tables, moved by a transformation."""
     where = f"block {shown(name)}"
     if "vertex" not in mesh or "face" not in mesh:
         raise InputError(f"{where} is no mesh of vertices and faces: convert it to one")
@@ -222,10 +229,11 @@ def _block(
     for key, face in mapping(mesh["face"], f"faces of {where}").items():
         if not isinstance(face, list):
             raise InputError(f"face {shown(key)} of {where} must be a list, got {shown(face)}")
-        unknown = [v for v in face if str(v) not in place]
-        if unknown:
-            raise InputError(f"face {shown(key)} of {where} names vertex {shown(unknown[0])}, "
-                             "which is not there")  # fmt: skip
+        for v in face:
+            if str(v) not in place:
+                raise InputError(
+                    f"face {shown(key)} of {where} names vertex {shown(v)}, which is not there"
+                )
         faces.append([place[str(v)] for v in face])
     points = np.array(rows, dtype=float).reshape(-1, 3)
     if transformation is not None:
@@ -235,6 +243,7 @@ def _block(
 
 
 def _transformation(value: object, where: str) -> FloatArray:
+    """A transformation as a matrix (4, 4); the identity for None."""
     if value is None:
         return np.eye(4)
     try:
@@ -247,6 +256,7 @@ def _transformation(value: object, where: str) -> FloatArray:
 
 
 def _content(value: object) -> dict[str, Any]:
+    """An object without the layers that wrap it."""
     for _ in range(_DEEPEST):
         if not isinstance(value, dict):
             break

@@ -38,9 +38,9 @@ def too_few_digits(bodies: Sequence[Body], share: float = JOINT_TOLERANCE) -> st
     origin would not help.
 
     They are too coarse if the numbers that a file can hold lie farther apart than ``share`` of the
-    blocks' size: by default what joints may gape. The joint tolerance is a share of mean thickness,
-    which bodies not yet checked do not have; their longest side takes its place. No block is
-    thicker, so that only what is coarser than any tolerance is refused.
+    blocks' size, by default by as much as joints may gape. The joint tolerance is a share of mean
+    thickness, which bodies not yet checked do not have; their longest side takes its place. No
+    block is thicker, so that only what is coarser than any tolerance is refused.
     """
     filled = [body.vertices for body in bodies if len(body.vertices)]
     sides = np.array([np.ptp(points, axis=0).max() for points in filled])
@@ -51,20 +51,20 @@ def too_few_digits(bodies: Sequence[Body], share: float = JOINT_TOLERANCE) -> st
     single, digits = is_single(bodies), digits_of(points)
     if not single and digits >= FEW:
         return ""
+    kind = "in single precision" if single else f"with {digits} digits"
     coarsest, words = share * size, ""
     for axis, values in zip("xyz", points.T, strict=True):
         far, extent = float(np.abs(values).max()), float(np.ptp(values))
         # between neighbouring numbers where the model stands, and where it would beside the origin
-        step, step_at_origin = (
-            float(np.spacing(np.float32(x))) if single else last_place(x, digits)
-            for x in (far, extent)
-        )
+        if single:
+            step, step_at_origin = (float(np.spacing(np.float32(x))) for x in (far, extent))
+        else:
+            step, step_at_origin = last_place(far, digits), last_place(extent, digits)
         # a move is worth the trouble if it makes numbers more than ten times finer
         if step > coarsest and step_at_origin < 0.1 * step:
             coarsest = step
-            what = "in single precision" if single else f"with {digits} digits"
             words = (
-                f"along {axis} they reach {far:.7g} {what}, which leaves steps of {step:.2g} for "
+                f"along {axis} they reach {far:.7g} {kind}, which leaves steps of {step:.2g} for "
                 f"blocks of some {size:.2g}; move the model to an origin beside it, or write more "
                 "digits, and export it again"
             )
