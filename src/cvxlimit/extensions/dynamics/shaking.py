@@ -37,22 +37,26 @@ ROUNDS = 30.0
 """How long blocks may go on moving after the record, in times that a block of the structure's size
 needs to fall by half of it."""
 
-
 OFF = 0.1
-"""Share of a block's way to and fro by which its displacement at the end may be off. That is what
-slips to and fro leave, and each ends where friction and rest decide: on 41 blocks that slide under
-one sine, whose way is known, the best run was off by up to 0.056 of it
+"""Share of a block's way to and fro by which its displacement at the end may be off: this is a sum
+of slips in both directions, each with an error of its own. On 41 blocks that slide under one sine,
+whose way is known, the best run was off by up to 0.056 of it
 (``tests/extensions/dynamics/test_shaking.py``)."""
 
 
 @dataclass(frozen=True)
 class Spread:
     """A number in all runs: that of the shortest step and stiffest contacts, and how far the runs
-    spread. That is no interval: all of them may be off to one side."""
+    spread. It does not enclose the truth: all runs may be off to one side."""
 
     value: float
     low: float
     high: float
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> Spread:
+        """The spread of the runs' values, the best run's last."""
+        return cls(values[-1], min(values), max(values))
 
     def __str__(self) -> str:
         return f"{self.value:.4g} (runs spread from {self.low:.4g} to {self.high:.4g})"
@@ -92,7 +96,7 @@ class Shaking:
     @property
     def falls(self) -> bool | None:
         """Whether it falls; None where runs do not agree, or blocks still move."""
-        return {"falls": True, "stands": False}.get(self.ending or "")
+        return self.ending == "falls" if self.ending in ("falls", "stands") else None
 
     def displacement(self, history: TimeHistory) -> FloatArray:
         """Displacement (k,) of a run over its times, of the control or the largest of all."""
@@ -107,13 +111,13 @@ class Shaking:
     def peak(self) -> Spread:
         """Largest displacement on the way, of its own sign where there is a control."""
         series = [self.displacement(each) for each in self.histories]
-        return _spread([float(x[np.abs(x).argmax()]) for x in series])
+        return Spread.of([float(x[np.abs(x).argmax()]) for x in series])
 
     @cached_property
     def residual(self) -> Spread:
         """Displacement at the end; where blocks fall, at the moment when they count as fallen. It
-        is off by up to :attr:`residual_off`, whatever the runs spread."""
-        return _spread([float(self.displacement(each)[-1]) for each in self.histories])
+        may be off by :attr:`residual_off`, however little the runs spread."""
+        return Spread.of([float(self.displacement(each)[-1]) for each in self.histories])
 
     @property
     def residual_off(self) -> float:
@@ -122,20 +126,18 @@ class Shaking:
 
     @property
     def headline(self) -> str:
-        """What to say of it, in one sentence."""
+        """How it ended and how far it went, in one sentence."""
         unit, count = self.scene.units.length, len(self.histories)
         if self.ending is None:
-            shares = {
-                each: [x.ending for x in self.histories].count(each)
-                for each in ("falls", "stands", "moves")
-            }
-            words = ", ".join(f"{end} in {n}" for end, n in shares.items() if n)
+            every = [each.ending for each in self.histories]
+            known = [end for end in ("falls", "stands", "moves") if end in every]
+            words = ", ".join(f"{end} in {every.count(end)}" for end in known)
             return (
                 f"not decided: of {count} runs, it {words}; peak {self.peak} {unit}: steps and "
                 "stiffnesses of contacts decide, so that the record is at the limit"
             )
         if self.ending == "falls":
-            times = _spread([float(x.times[-1]) for x in self.histories])
+            times = Spread.of([float(x.times[-1]) for x in self.histories])
             blocks = ", ".join(dict.fromkeys(b for x in self.histories for b in x.fallen))
             return f"falls in all {count} runs, after {times} s, first {blocks}"
         if self.ending == "moves":
@@ -191,21 +193,16 @@ class Shaking:
         """One row for each time of each run, as a pandas DataFrame: step, time constant, time and
         displacement."""
         pandas = needed("pandas", "frames", "tables")
-        unit = self.scene.units.length
-        return pandas.concat(
-            [
-                pandas.DataFrame(
-                    {
-                        "step (s)": each.step,
-                        "time constant (s)": each.time_constant,
-                        "time (s)": each.times,
-                        f"displacement ({unit})": self.displacement(each),
-                    }
-                )
-                for each in self.histories
-            ],
-            ignore_index=True,
-        )
+        tables = []
+        for each in self.histories:
+            columns = {
+                "step (s)": each.step,
+                "time constant (s)": each.time_constant,
+                "time (s)": each.times,
+                f"displacement ({self.scene.units.length})": self.displacement(each),
+            }
+            tables.append(pandas.DataFrame(columns))
+        return pandas.concat(tables, ignore_index=True)
 
 
 def shake(
@@ -278,19 +275,22 @@ def shake(
     >>> shaking.falls, round(shaking.residual.value, 3)  # doctest: +SKIP
     (False, 1.046)
     """
-    # What is asked, in metres and seconds; times go with those in which blocks fall.
+    # What is asked, in metres and seconds. Times that are not given follow from those in which the
+    # smallest free block, and a block as large as all of them together, fall by half their size.
     check_scene(scene)
     of_type(record, Record, "record must be a Record", 'pulse("sine", 0.5, 1.0) makes one')
     about = None if control is None else checked_control(scene, control)
     length, g = metres(scene), positive(g, "g")
     along = _direction(scene, direction)
-    smallest, span = _sizes(scene, length)
-    fall = float(np.sqrt(smallest / g))
+    free = [scene.blocks[i] for i in scene.free]
+    points = length * np.concatenate([block.vertices for block in free])
+    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    fall = float(np.sqrt(length * min(block.size for block in free) / g))
     longer = STEP * fall if step is None else positive(step, "step")
-    until = record.duration + (
-        ROUNDS * float(np.sqrt(span / g)) if after is None else positive(after, "after")
-    )
-    kept = max(1, round((20 * longer if every is None else positive(every, "every")) / longer))
+    later = ROUNDS * float(np.sqrt(span / g)) if after is None else positive(after, "after")
+    until = record.duration + later
+    interval = 20 * longer if every is None else positive(every, "every")
+    kept = max(1, round(interval / longer))  # of so many of the longer steps one is kept
     # Four runs of one model: long and short steps, each with soft and stiff contacts.
     mujoco = needed("mujoco", "dynamics", "motions in time")
     tell = heard_by(progress)
@@ -321,19 +321,9 @@ def _warnings_in_the_log(mujoco: Any) -> Iterator[None]:
         mujoco.set_mju_user_warning(kept)
 
 
-def _sizes(scene: Scene, length: float) -> tuple[float, float]:
-    """Sizes of the smallest free block and of all of them together, in units of ``length``."""
-    free = [scene.blocks[i] for i in scene.free]
-    points = length * np.concatenate([block.vertices for block in free])
-    return length * min(b.size for b in free), float(np.linalg.norm(np.ptp(points, axis=0)))
-
-
-def _spread(values: Sequence[float]) -> Spread:
-    return Spread(values[-1], min(values), max(values))
-
-
 def _direction(scene: Scene, given: Sequence[float] | None) -> FloatArray:
-    """A unit vector."""
+    """The unit vector (3,) along which the ground accelerates: as given, or against the live load's
+    acceleration."""
     if given is None:
         live = scene.live.acceleration
         if live is None or not np.any(live):
