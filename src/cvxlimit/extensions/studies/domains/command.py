@@ -71,12 +71,13 @@ class DomainCommand(Command):
             scene, told = scene_named(self.scene), with_result(tell)
             if len(surfaces) > 1:
                 return compare_domains(scene, surfaces, loads, self.tolerance, progress=told)
-            method: Any = "exact" if surfaces[0] == "exact" else self.method
-            surface: Any = "conic" if surfaces[0] == "exact" else surfaces[0]
+            # The surface "exact" is a method, which goes with the conic surface.
+            choice: Any = {"surface": surfaces[0], "method": self.method}
+            if surfaces[0] == "exact":
+                choice = {"surface": "conic", "method": "exact"}
             return load_domain(
-                scene, loads, self.tolerance,
-                surface=surface, method=method, path=self.json, progress=told,
-            )  # fmt: skip
+                scene, loads, self.tolerance, path=self.json, progress=told, **choice
+            )
 
         found = interruptible(enclosed)
         domains = [found] if isinstance(found, LoadDomain) else list(found.domains.values())
@@ -90,43 +91,51 @@ class DomainCommand(Command):
 
 
 def _summary(domain: LoadDomain, written: Sequence[tuple[str, str]]) -> Table:
-    gap, where = domain.worst
-    said = f"{gap:.2e}" if np.isfinite(gap) else domain.gap_said
-    along = ", ".join(f"{x:.3g}" for x in where)
+    """A table of what was found, with the files that were ``written``."""
     kind = domain.surface if domain.method == "convex" else f"{domain.surface}, {domain.method}"
+    gap = "nothing is said between points"
+    if domain.is_convex:
+        width, where = domain.worst
+        said = f"{width:.2e}" if np.isfinite(width) else domain.gap_said
+        along = ", ".join(f"{x:.3g}" for x in where)
+        gap = f"{said} along ({along}), asked: {domain.tolerance:g}"
+    basis = "all bounds are proved, up to rounding"
+    if not domain.is_proved:
+        basis = "some bounds rest on an assumption about the size of forces or rates"
     return facts(
         [
             ("scene", domain.scene_name),
             ("surface", kind),
             *((f"largest {name}", found) for name, found in domain.extent().items()),
-            ("largest gap", f"{said} along ({along}), asked: {domain.tolerance:g}"
-             if domain.is_convex else "nothing is said between points"),
+            ("largest gap", gap),
             ("points", f"{len(domain.points)}, half-spaces {len(domain.offsets)}"),
             ("unbounded", f"{len(domain.rays)} directions" if len(domain.rays) else ""),
             ("solves", f"{domain.solves} in {domain.seconds:.2f} s"),
-            ("basis", "all bounds are proved, up to rounding" if domain.is_proved
-             else "some bounds rest on an assumption about the size of forces or rates"),
+            ("basis", basis),
             ("status", str(domain.status)),
             *written,
         ]
-    )  # fmt: skip
+    )
 
 
 def _loads(given: Sequence[str]) -> dict[str, Load]:
+    """The live loads of ``--load``, by name: NAME=X,Y,Z or NAME=BLOCK:FX,FY,FZ."""
     loads: dict[str, Load] = {}
     form = "NAME=X,Y,Z is meant, as in push=1,0,0"
     for _, name, value in named_values("--load", given, form):
-        block, colon, force = value.rpartition(":")
-        given_at = vector(f"--load {name}", force, f"{name}=1,0,0")
-        forces = {block: (*given_at, 0.0, 0.0, 0.0)}
-        loads[name] = Load(forces=forces) if colon else Load(acceleration=given_at)
+        block, colon, numbers = value.rpartition(":")
+        x, y, z = vector(f"--load {name}", numbers, f"{name}=1,0,0")
+        forces = {block: (x, y, z, 0.0, 0.0, 0.0)}
+        loads[name] = Load(forces=forces) if colon else Load(acceleration=(x, y, z))
     return loads
 
 
 def _verdict(domains: Sequence[LoadDomain]) -> ExitCode:
+    """The exit code; a domain that was interrupted, or is convex and too wide, is refused."""
     for domain in domains:
         status = domain.status
-        if status is Status.INTERRUPTED or not (status.is_good or not domain.is_convex):
+        is_too_wide = domain.is_convex and not status.is_good
+        if status is Status.INTERRUPTED or is_too_wide:
             code = ExitCode.NOT_GOOD_ENOUGH if status.has_answer else ExitCode.NO_ANSWER
             return refuse(code, f"{status}: the largest gap is {domain.gap_said}")
     return ExitCode.SOLVED

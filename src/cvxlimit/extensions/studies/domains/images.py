@@ -33,17 +33,17 @@ class Raw:
     iterate: Iterate
     is_mirrored: bool = False
 
-    def image(self, of: LoadMirror) -> Raw | None:
+    def image(self, at: LoadMirror) -> Raw | None:
         """The answer to the mirrored direction; None if it is the same.
 
-        A mirror plane R turns the live loads F into R F = F turn. So ``turn @ factors`` carries
-        what ``factors`` does, with the forces of each contact at its image, and blocks likewise.
+        A mirror plane R turns the live loads F into R F = F turn. So ``turn @ factors`` are carried
+        where ``factors`` are, with the forces of each contact at its image, and blocks likewise.
         """
-        factors, direction = of.turn @ self.factors, of.turn @ self.direction
+        factors, direction = at.turn @ self.factors, at.turn @ self.direction
         moved = np.abs(factors - self.factors).max() + np.abs(direction - self.direction).max()
         if moved < FLAT:
             return None
-        mirror, rates = of.mirror, self.mechanism
+        mirror, rates = at.mirror, self.mechanism
         forces = np.zeros_like(self.forces)
         forces[mirror.contacts] = np.einsum("nij,nj->ni", mirror.carried, self.forces)
         return replace(
@@ -55,7 +55,7 @@ class Raw:
 
 @dataclass(frozen=True, eq=False)
 class LoadMirror:
-    """A mirror plane, and the factors ``turn`` (k, k) of mirrored loads per factors of these."""
+    """A mirror plane R, and the matrix ``turn`` (k, k) with R F = F turn for the live loads F."""
 
     turn: FloatArray
     mirror: Mirror
@@ -64,31 +64,30 @@ class LoadMirror:
 def load_mirrors(
     quiet: Statics, forces: FloatArray, surfaces: Sequence[YieldSurface]
 ) -> list[LoadMirror]:
-    """Up to two mirror planes of a structure under its dead load alone that carry the live loads,
-    the columns of ``forces`` (6 n, k), into sums of themselves."""
+    """Up to two mirror planes of a structure under its dead load alone (``quiet``) that turn the
+    live loads, the columns of ``forces`` (6 n, k), into sums of themselves."""
     result, across = list[LoadMirror](), None
+    each = forces.reshape(-1, DOF, forces.shape[1])
     for _ in range(2):
+        # The second plane is perpendicular to the first one.
         mirror = find_mirror(quiet, surfaces, across)
         if mirror is None:
             break
-        across, turn = mirror.normal, _image_of(forces, mirror)
-        if turn is not None:
+        across = mirror.normal
+        # The mirrored loads as sums of the loads, if they are such, and are not the loads again.
+        image = np.einsum("ij,njk->nik", mirror.reflection, each)[mirror.blocks]
+        image = image.reshape(forces.shape)
+        turn = np.linalg.lstsq(forces, image, rcond=1e-9)[0]
+        is_close = np.abs(forces @ turn - image).max() <= 1e-9 * np.abs(image).max()
+        if is_close and np.abs(turn - np.eye(len(turn))).max() > 1e-9:
             result.append(LoadMirror(turn, mirror))
     return result
 
 
-def _image_of(forces: FloatArray, mirror: Mirror) -> FloatArray | None:
-    each = forces.reshape(-1, DOF, forces.shape[1])
-    image = np.einsum("ij,njk->nik", mirror.reflection, each)[mirror.blocks].reshape(forces.shape)
-    turn = np.linalg.lstsq(forces, image, rcond=1e-9)[0]
-    close = np.abs(forces @ turn - image).max() <= 1e-9 * np.abs(image).max()
-    return turn if close and np.abs(turn - np.eye(len(turn))).max() > 1e-9 else None
-
-
 def images(raw: Raw, mirrors: Sequence[LoadMirror]) -> Iterator[Raw]:
-    """All mirror images of an answer but itself."""
+    """All mirror images of an answer, and images of images, but not the answer itself."""
     known = [raw]
     for mirror in mirrors:
-        made = [image for each in known if (image := each.image(mirror)) is not None]
-        known += made
-        yield from made
+        made = [each.image(mirror) for each in known]
+        known += [image for image in made if image is not None]
+    yield from known[1:]
