@@ -22,16 +22,18 @@ COMPONENTS = ("V1", "V2", "N", "M1", "M2", "MT")
 """Contact force components (Eq. 1), in the column order of every force array."""
 
 COLUMN = {name: column for column, name in enumerate(COMPONENTS)}
-
+"""The column of each component in a force array."""
 
 CARRIES = 1e-6
 """Resistances below this share of the largest contact force count as none: solvers leave 1e-9 to
 1e-8 of it in joints that carry nothing, and neither the moments over so little nor the share of so
 little mean anything."""
 
+_ONE_FOR_ALL = (*PROPERTIES, "lumped", "turned", "least", "most", "sense")
+"""Arrays (n,) for which a single number may be given."""
 
-_PER_CONTACT = (*PROPERTIES, "lumped", "turned", "least", "most", "sense")
-
+_PER_CONTACT = ("a", "b", "origin", "axes", "sides", "area", *_ONE_FOR_ALL)
+"""Arrays with a row for each contact."""
 
 _OF_GEOMETRY = (
     "corner_contact", "corner_points", "is_rectangle", "is_point", "faces", "torsion_arm", "edges",
@@ -119,7 +121,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def __post_init__(self) -> None:
         for each in fields(self):
             value = getattr(self, each.name)
-            if each.name in _PER_CONTACT and np.ndim(value) == 0:
+            if each.name in _ONE_FOR_ALL and np.ndim(value) == 0:
                 value = np.full(len(self.names), value, float if each.name != "lumped" else int)
             object.__setattr__(self, each.name, read_only(value))
         if self.pieces:
@@ -139,20 +141,23 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def _check_hulls(self) -> None:
         """Refuse a contact whose hull leaves out a corner of its pieces: no bracket would see it,
         as every proof starts from the hull."""
-        points = np.concatenate([p for parts in self.pieces.values() for p in parts])
-        owner = np.repeat(list(self.pieces), [sum(map(len, x)) for x in self.pieces.values()])
+        # All corners of pieces, each with its contact, and each beside every edge of that hull.
+        every = self.pieces.values()
+        points = np.concatenate([polygon for polygons in every for polygon in polygons])
+        owner = np.repeat(list(self.pieces), [sum(map(len, polygons)) for polygons in every])
         place, edge = members_of(self.corner_start[:-1], len(self.corner_xy), owner)
+        # How deep within its edge each corner lies, up to rounding.
         _, inward, offset = self.edges
         depth = np.einsum("ek,ek->e", inward[edge], points[place]) + offset[edge]
         size = np.abs(points).max(axis=1)[place]
         if not (depth >= -RELATIVE_TOLERANCE * size).all():
             worst = int(np.argmin(depth))
-            name = self.names[int(owner[place[worst]])]
+            j = int(owner[place[worst]])
             raise GeometryError(
-                f"contact {name!r}: faces as rough as these leave it no outline that holds all of "
-                f"it (a corner lies {-depth[worst]:.3g} outside), so that no answer would be "
-                "right: give a larger joint_tolerance, or faces that are plane",
-                blocks=tuple(self.block_ids[x[int(owner[place[worst]])]] for x in (self.a, self.b)),
+                f"contact {self.names[j]!r}: faces as rough as these leave it no outline that "
+                f"holds all of it (a corner lies {-depth[worst]:.3g} outside), so that no answer "
+                "would be right: give a larger joint_tolerance, or faces that are plane",
+                blocks=(self.block_ids[self.a[j]], self.block_ids[self.b[j]]),
             )
 
     def __len__(self) -> int:
@@ -187,12 +192,14 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         )
 
     def _index(self, name: str) -> int:
+        """The number of the contact with this name; InputError if there is none."""
         if name in self.names:
             return self.names.index(name)
+        # Its blocks may be named in the other order.
         ids = zip(self.a, self.b, strict=True)
         turned = [f"{self.block_ids[b]}-{self.block_ids[a]}" for a, b in ids]
-        twin = [self.names[turned.index(name)]] if name in turned else self.names
-        hint = meant(twin[0] if name in turned else name, twin, "contacts.names lists them")
+        likely = self.names[turned.index(name)] if name in turned else name
+        hint = meant(likely, self.names, "contacts.names lists them")
         raise InputError(f"there is no contact {name!r}; {hint}")
 
     def corners_of(self, j: int) -> FloatArray:
@@ -223,10 +230,8 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
     def corner_points(self) -> FloatArray:
         """Corners in space, (m, 3)."""
         j = self.corner_contact
-        result: FloatArray = self.origin[j] + np.einsum(
-            "mi,mik->mk", self.corner_xy, self.axes[j, :2]
-        )
-        return result
+        from_centre = np.einsum("mi,mik->mk", self.corner_xy, self.axes[j, :2])
+        return np.asarray(self.origin[j] + from_centre)
 
     @cached_property
     def typical_size(self) -> float:
@@ -235,7 +240,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
 
     @property
     def pulls(self) -> bool:
-        """True if some contact bears tension, or pushes at least so much."""
+        """True if some contact bears tension, or has a least force that is not 0."""
         return bool(np.any(self.tensile_strength) or np.any(self.least))
 
     @property
@@ -245,17 +250,17 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
 
     @cached_property
     def is_point(self) -> NDArray[np.bool_]:
-        """True for reactions, (n,): they have one corner, no area, and bear compression alone."""
+        """True for reactions and ties, (n,): one corner, which bears a normal force alone."""
         return np.asarray(np.diff(self.corner_start) == 1)
 
     @cached_property
     def faces(self) -> IntArray:
-        """All contacts that are no points, (k,)."""
+        """Numbers (k,) of the contacts that are no points."""
         return np.flatnonzero(~self.is_point)
 
     @cached_property
     def is_rectangle(self) -> NDArray[np.bool_]:
-        """True for rectangles, (n,)."""
+        """True for rectangles, (n,), which have finite ``sides``."""
         return np.asarray(np.isfinite(self.sides).all(axis=1))
 
     @cached_property
@@ -281,46 +286,47 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         following[self.corner_start[1:] - 1] = self.corner_start[:-1]
         along = self.corner_xy[following] - self.corner_xy
         inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        contact, corner = self.corner_contact, self.corner_xy
-        if self.is_point.any():
-            has_edges = ~self.is_point[contact]
-            contact, corner, inward = contact[has_edges], corner[has_edges], inward[has_edges]
+        has_edges = ~self.is_point[self.corner_contact]
+        contact, corner = self.corner_contact[has_edges], self.corner_xy[has_edges]
+        inward = inward[has_edges]
         inward /= np.linalg.norm(inward, axis=1)[:, None]
         return contact, inward, -(inward * corner).sum(axis=1)
 
     def take(self, rows: IntArray) -> Contacts:
         """Some of the contacts, in the order of ``rows`` (k,)."""
         place, corner = members_of(self.corner_start[:-1], len(self.corner_xy), rows)
-        own = ("a", "b", "origin", "axes", "sides", "area", *_PER_CONTACT)
         result = replace(
             self,
             names=tuple(self.names[j] for j in rows.tolist()),
             corner_start=np.searchsorted(place, np.arange(len(rows) + 1)),
             corner_xy=self.corner_xy[corner],
             pieces={k: self.pieces[j] for k, j in enumerate(rows.tolist()) if j in self.pieces},
-            **{name: getattr(self, name)[rows] for name in own},
+            **{name: getattr(self, name)[rows] for name in _PER_CONTACT},
         )
-        if "torsion_arm" in self.__dict__:  # integrals over polygons
+        if "torsion_arm" in self.__dict__:  # kept, as integrals over polygons take long
             result.__dict__["torsion_arm"] = self.torsion_arm[rows]
         return result
 
     @classmethod
     def joined(cls, parts: Sequence[Contacts]) -> Contacts:
-        """Contacts of the same blocks, those of each part after the others'."""
-        parts = [x for x in parts if len(x)] or parts[:1]
+        """The contacts of all parts, one part after the other, between the same blocks."""
+        parts = [part for part in parts if len(part)] or parts[:1]
         if len(parts) == 1:
             return parts[0]
-        own = ("a", "b", "origin", "axes", "corner_xy", "sides", "area", *_PER_CONTACT)
-        ends = np.cumsum([0, *(len(x.corner_xy) for x in parts)])
-        before = np.cumsum([0, *map(len, parts)])
-        starts = [x.corner_start[:-1] + n for x, n in zip(parts, ends[:-1], strict=True)]
-        placed = zip(parts, before[:-1].tolist(), strict=True)
+        # How many contacts and corners stand before each part, by which its numbers are shifted.
+        contacts, corners = 0, 0
+        pieces, starts = dict[int, tuple[FloatArray, ...]](), list[IntArray]()
+        for part in parts:
+            pieces |= {contacts + j: polygons for j, polygons in part.pieces.items()}
+            starts.append(corners + part.corner_start[:-1])
+            contacts, corners = contacts + len(part), corners + len(part.corner_xy)
+        rows = (*_PER_CONTACT, "corner_xy")
         return cls(
-            names=tuple(name for x in parts for name in x.names),
+            names=tuple(name for part in parts for name in part.names),
             block_ids=parts[0].block_ids,
-            corner_start=np.append(np.concatenate(starts), ends[-1]).astype(np.int64),
-            pieces={n + j: pieces for x, n in placed for j, pieces in x.pieces.items()},
-            **{name: np.concatenate([getattr(x, name) for x in parts]) for name in own},
+            corner_start=np.append(np.concatenate(starts), corners).astype(np.int64),
+            pieces=pieces,
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in rows},
         )
 
     def with_values(self, **values: FloatArray | float) -> Contacts:
@@ -342,7 +348,7 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         return all(getattr(self, name) is getattr(other, name) for name in own)
 
     def corner_minimum(self, values: FloatArray) -> FloatArray:
-        """Minimum of corner values (m,) over each contact, (n,)."""
+        """The least of the values (m,) at each contact's corners, (n,)."""
         return np.asarray(np.minimum.reduceat(values, self.corner_start[:-1]))
 
     def scaled(self, length: float) -> Contacts:
@@ -353,12 +359,12 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
             corner_xy=self.corner_xy * length,
             sides=self.sides * length,
             area=self.area * length**2,
-            pieces=self.pieces
-            and {j: tuple(length * p for p in parts) for j, parts in self.pieces.items()},
+            pieces={j: tuple(length * p for p in parts) for j, parts in self.pieces.items()},
         )
 
 
 def _point(at: FloatArray) -> str:
+    """A point (3,) in four digits, without rounding errors about 0 and without -0."""
     return ", ".join(f"{x:.4g}" for x in np.round(at, 9) + 0.0)
 
 

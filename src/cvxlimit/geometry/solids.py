@@ -27,7 +27,7 @@ def solid(
     density: float | None = None,
     tolerance: float | None = None,
 ) -> Block:
-    """Returns a block from a raw mesh of triangles, polygons or both, in any order and direction.
+    """Returns a block from a raw mesh of triangles, polygons or both, in any order and orientation.
 
     ``vertices`` is (k, 3); each face lists vertex indices. What is repaired is listed in
     :attr:`Block.repairs`, by ``kind``:
@@ -55,10 +55,9 @@ def solid(
     allowed = None if tolerance is None else positive(tolerance, f"tolerance of block {id!r}")
     wide = [face for face in faces if not _has_two_corners(face)]
     loops = polyhedra.checked_faces(id, wide, len(points))
+    # Most blocks are convex and need no repair, which is found in a fifth of the time.
     exact = polyhedra.convex_body(points, loops)
-    if (
-        exact is not None and exact.faces == loops and len(loops) == len(faces)
-    ):  # nothing to repair, in a fifth of the time
+    if exact is not None and exact.faces == loops and len(loops) == len(faces):
         return Block.of_body(id, points, exact, density)
     # Every step relies on those before: seams are looked for among faces that are there once, and
     # orientation among faces that close.
@@ -78,7 +77,7 @@ def solid(
 
 
 def _has_two_corners(face: object) -> bool:
-    """True for a triangle that names a corner twice."""
+    """True for a triangle that names a corner twice, so that two are left."""
     return isinstance(face, Sequence) and len(face) == 3 and len(set(face)) < 3
 
 
@@ -96,7 +95,7 @@ class _Mesh:
     @property
     def rough_thickness(self) -> float:
         """Mean thickness 2 volume / surface (length), for faces of any orientation."""
-        # Tetrahedra from the mean point: exact for convex bodies, whatever the faces' orientation.
+        # Tetrahedra about the mean point: exact for convex bodies, whatever the orientation.
         triangles, _ = mesh.fan(self.points, self.faces)
         corners = triangles - self.points.mean(axis=0)
         volume = float(np.abs(np.linalg.det(corners)).sum()) / 6.0
@@ -108,7 +107,7 @@ class _Mesh:
         return polyhedra.default_tolerance(volume, mesh.surface(self.points, self.faces))
 
     def weld(self, distance: float, among: IntArray | None = None) -> None:
-        """Join vertices closer than ``distance``, all of them or those ``among`` which to look."""
+        """Join vertices closer than ``distance``: all of them, or those with numbers ``among``."""
         chosen = np.arange(len(self.points)) if among is None else among
         pairs = cKDTree(self.points[chosen]).query_pairs(distance, output_type="ndarray")
         if not len(pairs):
