@@ -18,7 +18,6 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -45,7 +44,8 @@ class Sink(Protocol):
         """form = 0."""
 
     def cone(self, bound: Any, rows: Sequence[Any]) -> Any:
-        """Euclidean norm of the rows <= bound, k times; returns the same."""
+        """Euclidean norm of the rows <= bound, k times; returns that by which its dual is asked
+        for."""
 
 
 class Cone(ABC):
@@ -73,6 +73,7 @@ class Cone(ABC):
     """
 
     def __str__(self) -> str:
+        """The cone's name: that of its class, unless another is given."""
         return type(self).__name__.lower()
 
     def gauge(self, rows: Sequence[FloatArray] | FloatArray) -> FloatArray:
@@ -107,19 +108,20 @@ class Cone(ABC):
         return stated, [into.cone(first, others)]
 
     def flow(self, size: int, duals: FloatArray) -> FloatArray:
-        """Returns (bound, rows) with ``polar_gauge(rows) <= bound``, (1 + size, k), that duals
-        (rows of P and Q, k) of the epigraph are."""
+        """Returns what duals (rows of P and Q, k) of the epigraph mean: (bound, rows) with
+        ``polar_gauge(rows) <= bound``, (1 + size, k)."""
         every = np.concatenate(self.rows(size))[:, : 1 + size].T @ duals
         return np.concatenate([every[:1], -every[1:]])
 
     def polar(self, into: Sink, count: int, size: int) -> tuple[Any, list[Any]]:
-        """Returns forms of all (bound, rows) with ``polar_gauge(rows) <= bound``, so many, of
-        unknowns of their own: what duals of the epigraph can be."""
+        """Returns forms (bound, rows), ``count`` each of vectors of ``size`` components, that can
+        be any with ``polar_gauge(rows) <= bound``; their unknowns are duals of the epigraph."""
         linear, second_order = self.rows(size)
         duals = [into.new(count, nonneg=True) for _ in linear]
         if len(second_order):
-            duals += (cone := [into.new(count) for _ in second_order])
-            into.cone(cone[0], cone[1:])
+            bound, *rows = (into.new(count) for _ in second_order)
+            into.cone(bound, rows)
+            duals += [bound, *rows]
         every = np.concatenate([linear, second_order]).T.tolist()
         bound, *rows = (_mixed(row, duals) for row in every[: 1 + size])
         for row in every[1 + size :]:
@@ -140,16 +142,9 @@ class Cone(ABC):
 
 
 def refuse_false_polar(cone: Cone, size: int) -> None:
-    """Raises ModelError for a polar gauge that is too small on some vectors of so many components,
+    """Raises ModelError for a polar gauge that is too small on some vectors of ``size`` components,
     of a hundred that are tried: upper bounds rest on it, and would be false."""
-    try:
-        _tried(cone, size)
-    except TypeError:  # it has no hash by which it would be known again
-        _tried.__wrapped__(cone, size)
-
-
-@cache
-def _tried(cone: Cone, size: int) -> None:
+    # v . r <= gauge(v) polar_gauge(r) for all pairs of a hundred v and a hundred r.
     v, r = np.random.default_rng(0).normal(size=(2, size, 100))
     power, bound = v.T @ r, np.outer(cone.gauge(v), cone.polar_gauge(r))
     is_false = ~(power <= bound * (1.0 + 1e-9))
@@ -167,7 +162,8 @@ _BETWEEN = np.array([[1.0, -1.0], [1.0, 1.0]])
 
 
 def _mixed(weights: Sequence[float], forms: Sequence[Any]) -> Any:
-    """Returns the sum of forms times their weights, of which one at least is not zero."""
+    """Returns the sum of forms times their weights, of which one at least is not zero. It has no
+    more terms and products than it needs, so that CVXPY's expressions stay small."""
     result: Any = None
     for weight, form in zip(weights, forms, strict=True):
         if weight == 0.0:
@@ -189,9 +185,6 @@ class Conic(Cone):
     [5.0]
     """
 
-    def __str__(self) -> str:
-        return "conic"
-
     def gauge_of(self, rows: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.norm(rows, axis=0))
 
@@ -207,7 +200,8 @@ class Facets(Cone):
 
     Build it with :meth:`circumscribed` (unsafe side: friction up to 1 / cos(pi / K)) or
     :meth:`inscribed` (safe side); the two bracket the conic answer, the gap falls as 1 / K^2.
-    Facet normals lie at angles 2 pi k / K from t1. Only for vectors of two components.
+    Facet normals lie at angles 2 pi k / K from t1, at the distance ``reach`` from the centre of the
+    unit polygon. Only for vectors of two components.
 
     >>> v = [np.array([1.0]), np.array([1.0])]
     >>> [round(float(f(8).gauge(v)[0]), 4) for f in (Facets.circumscribed, Facets.inscribed)]
@@ -229,6 +223,7 @@ class Facets(Cone):
     @classmethod
     def inscribed(cls, count: int) -> Facets:
         """Polygon inside the circle."""
+        # circumscribed() first, which refuses a count of 0 before it divides
         return replace(cls.circumscribed(count), reach=float(np.cos(np.pi / count)))
 
     def __str__(self) -> str:
@@ -279,18 +274,16 @@ class Parabola(Cone):
     [1.0]
     """
 
-    def __str__(self) -> str:
-        return "parabola"
-
     def gauge_of(self, rows: FloatArray) -> FloatArray:
         v1, v2, m = rows
         return np.asarray(np.abs(m) / 2.0 + np.hypot(np.hypot(v1, v2), m / 2.0))
 
     def polar_gauge_of(self, rows: FloatArray) -> FloatArray:
+        # The largest slip |v| + twist m over the unit ball is at |v| = slip / (2 twist), or 1.
         slip, twist = np.hypot(rows[0], rows[1]), np.abs(rows[2])
         safe = np.where(twist > 0.0, twist, 1.0)
-        turning = twist + slip**2 / (4.0 * safe)
-        return np.where(slip < 2.0 * twist, turning, slip)
+        within = twist + slip**2 / (4.0 * safe)
+        return np.where(slip < 2.0 * twist, within, slip)
 
     def rows_of(self, size: int) -> tuple[FloatArray, FloatArray]:
         # w >= abs(m)/2, and norm(v1, v2, m/2) <= t - w
@@ -302,7 +295,7 @@ class Parabola(Cone):
 
 def parse_cone(name: str, others: Iterable[str] = ()) -> Cone:
     """``"conic"``, ``"octagon"``, ``"16-gon"`` or ``"16-gon-inscribed"`` as a cone; ``others`` are
-    names that are none, and that a refusal tells besides.
+    names of surfaces that are no cones, which the refusal of a name lists as well.
 
     Raises
     ------

@@ -38,24 +38,14 @@ from cvxlimit.base.arrays import ROUNDING, FloatArray, IntArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.geometry.polygons import distance_integral
 
+_FAR = 1000.0
+"""Centres of rotation farther off than this many sizes of the contact count as translations, with
+the rotation's share bounded from above, to _FAR^-3 = 1e-9 of the slip."""
 
-@dataclass(frozen=True)
-class _Numbers:
-    """The numbers of the closed form far from a contact, and of the search for its largest arm."""
-
-    far: float = 1000.0
-    """Centres of rotation farther off than this many sizes of the contact count as translations,
-    with the rotation's share bounded from above, to far^-3 = 1e-9 of the slip."""
-    grid: int = 25
-    rounds: int = 5
-    reach: float = 3.0
-    margin: float = 1e-6
-    """Centres of rotation that are tried for a polygon: a grid of 25 x 25 over three times its
-    size to either side, then four finer ones around the worst. More of them change arms by less
-    than the margin."""
-
-
-_N = _Numbers()
+_GRID, _ROUNDS, _REACH, _MARGIN = 25, 5, 3.0, 1e-6
+"""Centres of rotation that are tried for a polygon: a grid of 25 x 25 over three times its size to
+either side, then four finer ones around the worst. More of them change arms by less than the
+margin, a share by which arms are made smaller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,12 +126,13 @@ class Edges:
 
     def mean_slip(self, slip: FloatArray, twist: FloatArray) -> FloatArray:
         """Returns the mean size (n,) of the slip of each contact's points, for ``slip`` (n, 2) at
-        its centroid and ``twist`` (n,). It is exact, but larger by ``far`` to the power of -3 of
-        itself at most where next to nothing rotates. It is never too small but for rounding."""
+        its centroid and ``twist`` (n,). It is exact, except that where next to nothing rotates it
+        is up to :data:`_FAR` to the power of -3 of itself too large. It is never too small but for
+        rounding."""
         speed = np.linalg.norm(slip, axis=1)
         turning = np.abs(twist) * self.size  # what rotation alone adds at most, at any point
         # A rotation about the point that does not slip, unless that point is too far off.
-        is_far = speed >= _N.far * turning
+        is_far = speed >= _FAR * turning
         safe = np.where(is_far, 1.0, twist)
         centre = np.stack([-slip[:, 1] / safe, slip[:, 0] / safe], axis=1)
         centre = np.where(is_far[:, None], 0.0, centre)
@@ -149,7 +140,7 @@ class Edges:
         # Far off: hypot(a, b) <= a + b^2 / (2 a) at every point, with a its slip along the slip of
         # the centroid, and b = twist (r . ahead) the one across. The contact's origin is its
         # centroid, so the mean of a is `speed`, and a >= `least`. That is too much by the next term
-        # of the series, about turning^3 / speed^2: at most far^-3 of the speed.
+        # of the series, about turning^3 / speed^2: at most _FAR^-3 of the speed.
         least = np.where(is_far & (speed > 0.0), speed - turning, 1.0)
         ahead = slip / np.where(speed > 0.0, speed, 1.0)[:, None]
         mean_b_squared = twist**2 * np.einsum("ni,nik,nk->n", ahead, self.spread, ahead)
@@ -198,7 +189,7 @@ def parabola_arm(contacts: Contacts) -> FloatArray:
     others = np.flatnonzero(~(contacts.is_rectangle | contacts.is_point))
     if len(others):
         some = contacts.take(others)
-        arm[others] = np.minimum(arm[others], (1.0 - _N.margin) * _largest_arm(Edges.of(some)))
+        arm[others] = np.minimum(arm[others], (1.0 - _MARGIN) * _largest_arm(Edges.of(some)))
     return arm
 
 
@@ -210,10 +201,11 @@ def _largest_arm(edges: Edges) -> FloatArray:
     abs(MT) / (1 - abs(V)^2): on a grid of centres, which becomes finer around the worst of them.
     """
     every = np.arange(len(edges.area))
-    middle, width = np.zeros((len(every), 2)), _N.reach * edges.size
+    middle, width = np.zeros((len(every), 2)), _REACH * edges.size
     least_arm = np.full(len(every), np.inf)
-    cells = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, _N.grid)] * 2), axis=-1).reshape(-1, 2)
-    for _ in range(_N.rounds):
+    ticks = np.linspace(-1.0, 1.0, _GRID)
+    cells = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    for _ in range(_ROUNDS):
         centre = middle[:, None] + width[:, None, None] * cells
         v1, v2, moment = np.moveaxis(limit_states(edges, centre), -1, 0)
         left = 1.0 - v1**2 - v2**2
@@ -223,5 +215,5 @@ def _largest_arm(edges: Edges) -> FloatArray:
         least_arm = np.minimum(least_arm, arm[every, worst])
         # The next grid: one and a half cells of this one to either side of the worst centre.
         middle = centre[every, worst]
-        width = width * (3.0 / (_N.grid - 1))
+        width = width * (3.0 / (_GRID - 1))
     return least_arm
