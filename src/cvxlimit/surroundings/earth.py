@@ -22,7 +22,11 @@ def coulomb_coefficient(
 ) -> float:
     """Returns Coulomb's active coefficient K: the push is K gamma H^2 / 2 on a wall of height H.
 
-    The push is inclined by ``delta`` to the normal of the wall's back, downwards on the wall.
+    The push is inclined by ``delta`` to the normal of the wall's back, downwards on the wall. With
+    t the batter,
+
+        K = (cos(phi - t) / (cos t (1 + root)))^2 / cos(delta + t),
+        root^2 = sin(phi + delta) sin(phi - beta) / (cos(delta + t) cos(t - beta)).
 
     Parameters
     ----------
@@ -45,14 +49,16 @@ def coulomb_coefficient(
     >>> round(coulomb_coefficient(30.0, 20.0, 10.0, 5.0), 4)
     0.3857
     """
-    given = finite_vector([phi, delta, beta, batter], 4, "phi, delta, beta and batter").tolist()
-    is_right = 0.0 < given[0] < 90.0 and 0.0 <= given[1] <= given[0] and abs(given[3]) < 80.0
-    if not (is_right and -90.0 < given[2] <= given[0] and given[1] + given[3] < 90.0):
+    angles = finite_vector([phi, delta, beta, batter], 4, "phi, delta, beta and batter").tolist()
+    phi, delta, beta, batter = angles
+    is_friction = 0.0 < phi < 90.0 and 0.0 <= delta <= phi
+    is_upright = abs(batter) < 80.0 and delta + batter < 90.0
+    if not (is_friction and is_upright and -90.0 < beta <= phi):
         raise InputError(
             "Coulomb's wedge needs 0 < phi < 90, delta from 0 to phi, beta at most phi, batter "
             f"below 80 degrees; got phi {phi:g}, delta {delta:g}, beta {beta:g}, batter {batter:g}"
         )
-    p, d, b, t = np.radians(given)
+    p, d, b, t = np.radians(angles)
     root = np.sqrt(np.sin(p + d) * np.sin(p - b) / (np.cos(d + t) * np.cos(t - b)))
     return float((np.cos(p - t) / (np.cos(t) * (1.0 + root))) ** 2 / np.cos(d + t))
 
@@ -117,7 +123,9 @@ def coulomb_pressure(
         rise = float(face.normal @ up)
         slope = np.sqrt(1.0 - rise**2)  # the face's height per length along it
         k = coulomb_coefficient(phi, delta, beta, float(np.degrees(np.arcsin(rise)))) * slope
-        across, along = (float(k * part(np.radians(delta))) for part in (np.cos, np.sin))
+        # The part of the push across the face is a pressure, the part along it a point force.
+        across = float(k * np.cos(np.radians(delta)))
+        along = float(k * np.sin(np.radians(delta)))
         pressures += on_face(face, layers, across, up)
         size, centre = _weight_on(face, layers, up)
         if along * size > 0.0:
@@ -128,10 +136,11 @@ def coulomb_pressure(
 
 
 def _weight_on(face: Face, layers: Layers, up: FloatArray) -> tuple[float, FloatArray]:
-    """The layers' vertical pressure over a face, in all, and its centre."""
+    """Returns the layers' vertical pressure summed over a face, a force, and its centre (3,)."""
     total, moment = 0.0, np.zeros(3)
     for part, surface, weight, first in layered(face, layers, up):
         places, areas, depth = part.below(surface, up)
         sizes = (first + weight * depth) * (areas @ face.normal)
-        total, moment = total + float(sizes.sum()), moment + sizes @ places
+        total += float(sizes.sum())
+        moment = moment + sizes @ places
     return total, moment / total if total > 0.0 else moment
