@@ -192,11 +192,11 @@ class Run:
         self.tell(f"solving with {settings}")
         with self.clock.phase("compile"):
             state = solver(replace(settings, verbose=True) if self.verbose else settings)
-            self.clock.seconds["compile"] += state.outcome.compile_seconds
             self.clock.seconds["solve"] += state.outcome.solve_seconds
         if not state.outcome.refusal:
             self.solvers.add(settings.name)
             self.attempts.append((settings, state.outcome))
+        # A refusal ends the run where none has run, and no solver asked for takes cones.
         elif self.ladder and not (self.attempts or any(s.row.has_cones for s in self.ladder)):
             raise ModelError(f"no solver asked for can solve this: {state.outcome.refusal}")
         return state
@@ -204,7 +204,8 @@ class Run:
     def try_solvers(
         self, solver: Solver, ladder: Sequence[SolverSettings]
     ) -> tuple[LimitState, SolverSettings]:
-        """Solvers in turn, until one has forces or claims that there is no optimum."""
+        """Run the solvers of a ladder, one at least, until one has forces or claims that there is
+        no optimum; returns its answer, or that of the last one, and its settings."""
         for settings in ladder:
             state = self.solve(solver, settings)
             if state.forces is not None or state.outcome.claims_no_optimum:
@@ -224,17 +225,22 @@ class Run:
         self.history.append(Iterate(factor, seconds, str(solver), outcome.status, **figures))
         if self.progress is None and not LOG.isEnabledFor(logging.INFO):
             return
-        has_bracket = self.best.bracket.has_any
-        result = outcome.status if factor is None else f"iterate {rounded(factor, 5)}"
-        result = f"load factor in {self.best.bracket}" if has_bracket else result
-        result = str(Status.CONTRADICTED) if self.best.bracket.contradicts else result
+        bracket = self.best.bracket
+        if bracket.contradicts:
+            result = str(Status.CONTRADICTED)
+        elif bracket.has_any:
+            result = f"load factor in {bracket}"
+        else:
+            result = outcome.status if factor is None else f"iterate {rounded(factor, 5)}"
         line = ProgressLine(f"{result} (solve {len(self.history)}, {solver})")
-        line.has_bracket = has_bracket
+        line.has_bracket = bracket.has_any
         self.tell(line)
 
     def change(self, state: LimitState) -> float | None:
-        """How far the load factor is from the last one of the history, relative (Eq. 43)."""
-        before, factor = [None, *self.load_factors][-1], state.load_factor
+        """Relative change of the load factor from the last one of the history (Eq. 43); None where
+        one of them has none."""
+        before = self.history[-1].load_factor if self.history else None
+        factor = state.load_factor
         if before is None or factor is None:
             return None
         return abs(factor - before) / self.scaling.unit(factor)
@@ -249,7 +255,10 @@ class Run:
         """How solvers ended since one of them last had an answer, in words."""
         ended: dict[str, str] = {}
         for settings, outcome in self.attempts:
-            ended = {} if outcome.has_values else ended | {str(settings): outcome.status}
+            if outcome.has_values:
+                ended.clear()
+            else:
+                ended[str(settings)] = outcome.status
         return "; ".join(f"solver {name}: {status}" for name, status in ended.items())
 
     @property
@@ -258,16 +267,15 @@ class Run:
         return {"lower": known(self.best.bracket.lower), "upper": known(self.best.bracket.upper)}
 
     def is_boundless(self, load_factor: float | None) -> bool:
-        """True for a load factor so large that there is no limit: solvers return 1e9 to 1e14
-        there."""
+        """True for a load factor beyond :data:`BOUNDLESS`: where there is no limit solvers return
+        1e9 to 1e14."""
         return load_factor is not None and abs(load_factor) > BOUNDLESS * self.scaling.ratio
 
     def by_block(self, mechanism: FloatArray | None) -> dict[str, FloatArray] | None:
         """Rates (6,) of the free blocks by id, of a mechanism (free blocks, 6)."""
         if mechanism is None:
             return None
-        scene = self.scene
-        ids = [scene.blocks[i].id for i in scene.free]
+        ids = [self.scene.blocks[i].id for i in self.scene.free]
         return dict(zip(ids, np.reshape(mechanism, (-1, DOF)), strict=True))
 
     def auxiliary_run(self, assemblage: Assemblage | None = None) -> Run:
@@ -334,7 +342,7 @@ class Method(ABC):
     def basis(self, run: Run) -> str:
         """What the bounds of ``run.best`` rest on, in a sentence."""
         basis, cells = run.best.bracket.basis, about_cells(run.formulation, run.contacts)
-        return f"{basis}; {cells}" if basis and cells else basis or cells
+        return "; ".join(filter(None, (basis, cells)))
 
 
 def drive(method: Method, run: Run) -> Solution:
@@ -401,7 +409,7 @@ def packed(method: Method, run: Run, status: Status) -> Solution:
 def _claimed(run: Run, status: Status) -> tuple[Answer, Status]:
     """What is claimed of the best answer, and how the run ended: bounds overrule what the method
     says, and so do solvers that all failed."""
-    # where no load factor exists, there is at most one below which nothing slides without dilatancy
+    # where no load factor exists, one up to which all is safe without dilatancy may be left
     best, has_answer = run.best, status.has_answer
     if not has_answer:
         safe = 0.0 if best.dilatancy is None else best.dilatancy.safe
@@ -420,9 +428,9 @@ def _claimed(run: Run, status: Status) -> tuple[Answer, Status]:
         # a solver has said something if it returned values or claims that there is no optimum
         ends = [end.has_values or end.claims_no_optimum for _, end in run.attempts]
         status = status if any(ends) else Status.SOLVER_FAILED
-    is_held = status.is_good or best.bracket.has_any or best.members or best.from_rest
-    if not is_held:
-        best = replace(best, load_factor=None)  # nothing holds the last iterate's, in the history
+    # a load factor that nothing supports stays in the history alone; others are within the bracket
+    if not (status.is_good or best.bracket.has_any or best.members or best.from_rest):
+        best = replace(best, load_factor=None)
     if best.load_factor is not None:
         best = replace(best, load_factor=best.bracket.clipped(best.load_factor))
     return best, status
@@ -430,7 +438,6 @@ def _claimed(run: Run, status: Status) -> tuple[Answer, Status]:
 
 def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None) -> str:
     """The solution's note: how it ended, what the bounds rest on, and what to know besides."""
-    basis = method.basis(run) if run.best.bracket.has_any else ""
     # without an answer the remarks say why, and advice is left out where there is more to tell
     if not status.has_answer:
         is_told = run.best.lower_end is not None or dilatancy is not None
@@ -440,12 +447,12 @@ def _note(method: Method, run: Run, status: Status, dilatancy: Dilatancy | None)
     elif status is Status.CONTRADICTED:
         sentences = [f"{status}: {status.advice}"]
     else:
-        # no advice to use the method that has just failed
-        is_plain = status.is_good or status is Status.NOT_CERTIFIED
-        is_plain = is_plain or f"'{method.name}'" in status.advice
+        basis = method.basis(run) if run.best.bracket.has_any else ""
         sentences = [basis, *run.remarks]
-        # what to do comes first, unless it is known how far an iteration went
-        if not is_plain:
+        # what to do comes first, or last where it is known how far an iteration went; no advice to
+        # use the method that has just failed
+        is_its_own = f"'{method.name}'" in status.advice
+        if not (status.is_good or status is Status.NOT_CERTIFIED or is_its_own):
             place = 0 if run.best.iteration is None else len(sentences)
             sentences.insert(place, status.advice)
     # what detection has left out or simplified, where that may have decided

@@ -129,7 +129,7 @@ class FixedPoint(Method):
         blended = np.zeros((len(run.contacts), len(COLUMN)))
         purpose = "quadratic iterates" if self.regularisation else "iterates"
         ladder = run.ladder or (*ladder_for(purpose), *default_ladder())
-        small = 0  # small changes in a row
+        in_a_row = 0  # small changes
         for number in range(self.max_iterations):
             # Eq. 31 and 41: a convex problem with the eccentricities of the forces so far
             pressure = Pressure.of(blended, run.contacts, epsilon)
@@ -143,29 +143,30 @@ class FixedPoint(Method):
             beta = self.old_value_weight if number else 0.0
             blended = beta * blended + (1.0 - beta) * state.forces
             # Eq. 43, which one small change meets: it is reported, and the iteration goes on
-            small = small + 1 if change is not None and change <= self.tolerance else 0
-            settled = IN_A_ROW + 1 if small >= IN_A_ROW else 0
-            found = self._band(run.history, settled or max(FORGOTTEN, number + 1 - FORGOTTEN))
+            in_a_row = in_a_row + 1 if change is not None and change <= self.tolerance else 0
+            has_converged = in_a_row >= IN_A_ROW
+            last = IN_A_ROW + 1 if has_converged else max(FORGOTTEN, number + 1 - FORGOTTEN)
+            found = self._iteration(run.history, last)
             run.best = replace(
                 run.best, load_factor=state.load_factor, forces=state.forces,
                 mechanism=state.mechanism, iteration=found,
             )  # fmt: skip
             run.remarks = [str(found), *cautions]
             yield
-            if small >= IN_A_ROW:
+            if has_converged:
                 return Status.CONVERGED
             if cycles(run.load_factors, self.tolerance):
                 return Status.CYCLING
         return Status.NOT_CONVERGED
 
-    def _band(self, history: Sequence[Iterate], last: int) -> Iteration:
-        """Returns where the paper would have stopped, and the band of the last iterates."""
-        small = (
-            (number, entry.load_factor)
-            for number, entry in enumerate(history, 1)
-            if entry.change is not None and entry.change <= self.tolerance
-        )
-        met_after, met_at = next(small, (None, None))
+    def _iteration(self, history: Sequence[Iterate], last: int) -> Iteration:
+        """Returns where the paper would have stopped, after the first small change, and the band of
+        the ``last`` iterates."""
+        met_after, met_at = None, None
+        for number, entry in enumerate(history, 1):
+            if entry.change is not None and entry.change <= self.tolerance:
+                met_after, met_at = number, entry.load_factor
+                break
         factors = [entry.load_factor for entry in history[-last:] if entry.load_factor is not None]
         return Iteration(met_after, met_at, min(factors), max(factors), len(factors))
 

@@ -146,12 +146,14 @@ class Certifier:
     def refer_to(self, given: Reference, has_live: bool = False) -> bool:
         """Take the reference states of a solution, or of the same blocks under other strengths and
         loads, as far as they are valid here: seeking them takes half of a certificate's time.
-        Forces that carry a part of the live load too (``has_live``) show which. Returns False for
-        forces that are none, and takes them not; raises ModelError as :meth:`offer_dead_state`.
+        Forces may carry a part of the live load too (``has_live``), which follows from them.
+        Returns False where forces are given that are no dead state, and does not take them; raises
+        ModelError as :meth:`offer_dead_state`.
 
         Nothing is believed: rates are checked wherever they are used; forces must be strictly
-        inside, in equilibrium to rounding. What they leave must be little of the loads too, and not
-        of themselves only: where blocks wedge each other, they may be as large as one likes."""
+        inside, in equilibrium to rounding. What they leave unbalanced must be little of the loads
+        too, and not of the forces alone: where blocks wedge each other, these have no limit.
+        """
         self.references.borrowed_field = self._rates(given.rates)
         state, factor = self.strength.state(given.forces), 0.0
         if state is None:
@@ -160,10 +162,11 @@ class Certifier:
             factor = self.strength.balancing(state, factor, self.statics)
         if not self.is_balanced(state, factor):  # it is under the load that it was found for
             state = self.strength.balanced(state, factor, self.statics)
-        left = float(self._unbalanced(state, factor).max()) / self._total_load(factor)
-        if is_taken := left <= SLACK and self._reserve(state, factor) > 0.0:
+        unbalanced = float(self._unbalanced(state, factor).max()) / self._total_load(factor)
+        is_dead_state = unbalanced <= SLACK and self._reserve(state, factor) > 0.0
+        if is_dead_state:
             self.references.dead_state, self.references.factor = state, factor
-        return is_taken
+        return is_dead_state
 
     def offer_dead_state(self, forces: ArrayLike, factor: float = 0.0) -> bool:
         """Offer contact forces (n, 6) as the dead state; returns True if they prove to be one.
@@ -254,8 +257,7 @@ class Certifier:
 
     def of(self, state: LimitState) -> Certificate:
         """Returns the bracket of a solver's answer."""
-        forces, factor = self.given(state), state.load_factor
-        return self.certificate(forces, factor, state.mechanism, state.flows)
+        return self.certificate(self.given(state), state.load_factor, state.mechanism, state.flows)
 
     def given(self, state: LimitState) -> FloatArray | None:
         """Returns the forces of a solver's answer as the state x that is checked."""
@@ -273,6 +275,8 @@ class Certifier:
         return block_sizes(self.statics.residual(self.strength.forces(x), alpha), self.size)
 
     def _rates(self, mechanism: ArrayLike | None) -> FloatArray | None:
+        """Returns a mechanism (free blocks, 6), which may be given as one row; None if it is None
+        or not finite."""
         if isinstance(mechanism, np.ndarray) and mechanism.size == len(self.statics.dead):
             mechanism = mechanism.reshape(-1, DOF)
         return finite(mechanism, (len(self.statics.dead) // DOF, DOF), "free block")
@@ -300,8 +304,10 @@ class Certifier:
         # The least share t of the dead state that brings the mixture inside all surfaces. That
         # of crushing is convex where rocking holds: it is asked again of that mixture.
         dead_excess, lower = self.strength.excess(dead_state), alpha
-        for again in (False,) if self.strength.crushing is None else (False, True):
-            beyond = np.maximum(self.strength.excess(x) if again else excess, 0.0)
+        for number in range(1 if self.strength.crushing is None else 2):
+            if number > 0:
+                excess = self.strength.excess(x)
+            beyond = np.maximum(excess, 0.0)
             share = float((beyond / (beyond - dead_excess)).max(initial=0.0))
             x, lower = x + share * (dead_state - x), lower + share * (dead_factor - lower)
 
@@ -312,6 +318,7 @@ class Certifier:
             acting = self.statics.acting(self.strength.forces(x), lower, self.size)
             unbalanced = self._unbalanced(x, lower) + EPSILON * acting
             hidden = float(unbalanced @ block_sizes(u, 1.0 / self.size)) / live
+        # The dead state alone proves its factor, so no more than down to that is taken off.
         lower = max(dead_factor, lower - hidden) if lower > dead_factor else lower - hidden
         # Where some forces are resisted by nothing no reserve of strength absorbs what is left:
         # ten times what counts as balanced is taken off.
@@ -325,14 +332,17 @@ class Certifier:
     ) -> _Bound:
         """Returns the better of a lower bound and that with the contacts left out that carry next
         to nothing: forces that are admissible without some contacts are admissible with them."""
-        can_reduce = self._can_reduce and self._flow is None and not self.strength.is_internal
+        if not self._can_reduce or self._flow is not None or self.strength.is_internal:
+            return lower
         share = EPSILON**0.5  # of the largest force: half the digits of a number
-        reduced = without_idle(self.assemblage, x, share) if can_reduce else None
+        reduced = without_idle(self.assemblage, x, share)
         if reduced is None:
             return lower
         part, forces = reduced
-        if (certifier := self._of_part(part)) is None:
+        certifier = self._of_part(part)
+        if certifier is None:
             return lower
+        # The rates of the blocks that are left.
         if u is not None:
             u = u[np.sort(self.statics.row_of_block[part.statics.row_of_block >= 0])]
         return _better(lower, certifier._lower(forces, alpha, rate, u), 1.0)
@@ -347,11 +357,13 @@ class Certifier:
         for them. The contacts inside drop out, and with them slips that are rounding, and whatever
         wedges their blocks: the rest can often be opened where the whole cannot.
         """
-        for share in shares if self._can_reduce else ():
-            if (reduced := glued(self.assemblage, u, share)) is None:
+        for share in shares:
+            reduced = glued(self.assemblage, u, share) if self._can_reduce else None
+            if reduced is None:
                 continue
             bodies, rates, contacts = reduced
-            if (certifier := self._of_part(bodies, contacts)) is not None:
+            certifier = self._of_part(bodies, contacts)
+            if certifier is not None:
                 force, rate = self._largest_force(x, contacts), certifier._largest_rate(rates)
                 upper = _better(upper, certifier._upper(rates, force, rate), -1.0)
         return upper
@@ -396,9 +408,8 @@ class Certifier:
         # The power of dissipation and dead load over that of the live load, and its rounding.
         u = opened.rates.ravel()
         live = float(self.statics.live @ u)
-        live_error, dead_error = (
-            EPSILON * float(np.abs(f) @ np.abs(u)) for f in (self.statics.live, self.statics.dead)
-        )
+        live_error = EPSILON * float(np.abs(self.statics.live) @ np.abs(u))
+        dead_error = EPSILON * float(np.abs(self.statics.dead) @ np.abs(u))
         if not live > 2.0 * live_error:
             return _Bound(np.inf, False, errors)
         bound = (dissipation - float(self.statics.dead @ u)) / live
