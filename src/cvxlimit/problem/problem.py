@@ -44,8 +44,8 @@ class LimitProblem:
     weights : number, array (free blocks,) or Parameter
         Weights of the free blocks, in the scene's order.
     most, least : number, array (reactions,) or Parameter
-        Bounds of the scene's reactions, in their order, or one for all; with the signs, or 0, that
-        they have in the scene.
+        Bounds of the scene's reactions, in their order, or one for all. Each has the sign that it
+        has in the scene, and is 0 where it is 0 there.
     formulation : callable
         Which forces are the unknowns: :func:`~cvxlimit.model.formulations.corner_compressions`
         (default), :func:`~cvxlimit.model.formulations.resultants`, or one of your own.
@@ -108,8 +108,10 @@ class LimitProblem:
         ]
         own = stated.values.parameters() + self.problem.parameters()
         names = [f"{p.name()} {p.shape or ''}".strip() for p in dict.fromkeys(own)]
-        parts += [f"Parameters: {', '.join(names)}"] if names else []
-        parts += ["maximises an aim of one's own"] if stated.aim is not None else []
+        if names:
+            parts.append(f"Parameters: {', '.join(names)}")
+        if stated.aim is not None:
+            parts.append("maximises an aim of one's own")
         return f"LimitProblem({scene.name!r}, {stated.surface}: {'; '.join(parts)})"
 
     # What CVXPY shows
@@ -133,8 +135,8 @@ class LimitProblem:
 
     @property
     def program(self) -> ConeProgram:
-        """The rows that solvers get, at the Parameters' present values. Unknown are internal
-        forces, bounds of norms and the load factor, forces in units of the whole load."""
+        """The rows that solvers get, at the Parameters' present values. The unknowns are internal
+        forces, in units of the whole load, bounds of norms and the load factor."""
         return self._stated.program
 
     @property
@@ -145,7 +147,7 @@ class LimitProblem:
         Duals are in the user's units, as all that is added: what the load factor, or the aim, gains
         per unit by which a row is loosened, a force as a rule. That of equilibrium (6 free blocks,)
         is the mechanism: velocities and rates of turning of each free block, at which the live load
-        has power 1; so much does a unit of further dead load cost.
+        has power 1. Its entries are what a unit of further dead load takes off the load factor.
         """
         every = {**self._stated.constraints, **self._stated.limits}
         return {name: Constraints(limits) for name, limits in every.items()}
@@ -170,9 +172,9 @@ class LimitProblem:
         >>> problem.interface("ground-b1")
         Interface('ground-b1', limits: rocking 4, torsion-shear 5)
         """
-        stated, names = self._stated, self._stated.assemblage.contacts.names
-        j, pairs = contact_number(contact, names, stated.pairs), stated.pairs
-        unit = stated.scaling.force
+        stated = self._stated
+        names, pairs, unit = stated.assemblage.contacts.names, stated.pairs, stated.scaling.force
+        j = contact_number(contact, names, pairs)
         return Interface.of(j, names[j], pairs[j], stated.forces, stated.parts(), unit)
 
     def to_dataframe(self) -> DataFrame:
@@ -238,7 +240,7 @@ class LimitProblem:
             raise ModelError(
                 f"there is a limit {name!r} already: remove it first, or choose a name"
             )
-        for limit in limits or (None,):
+        for limit in limits or (None,):  # none at all is refused as well
             if not isinstance(limit, cp.Constraint):
                 raise ModelError(
                     f"limit {name!r} must be a CVXPY constraint, as problem.N <= 3, got {limit!r}"
@@ -248,7 +250,8 @@ class LimitProblem:
             if not limit.is_dcp():
                 raise ModelError(f"limit {name!r} is not convex by CVXPY's rules (DCP): {limit}")
             self._refuse_foreign(f"limit {name!r}", limit)
-        self._change({**self._stated.limits, name: limits})
+        stated = self._stated
+        stated.change({**stated.limits, name: limits}, stated.aim, stated.sense)
         return limits[0] if len(limits) == 1 else list(limits)
 
     def remove(self, name: str) -> None:
@@ -259,14 +262,15 @@ class LimitProblem:
         ModelError
             If there are none.
         """
-        own = dict(self._stated.limits)
-        if name not in own:
-            names = ", ".join(map(repr, own)) or "none"
+        stated, kept = self._stated, dict(self._stated.limits)
+        if name not in kept:
+            names = ", ".join(map(repr, kept)) or "none"
             raise ModelError(f"there is no added limit {name!r}: there are {names}")
-        del own[name]
-        self._change(own)
+        del kept[name]
+        stated.change(kept, stated.aim, stated.sense)
 
     def _refuse_foreign(self, what: str, expression: Any) -> None:
+        """Raises ModelError for an expression with variables of another problem of this kind."""
         other = foreign(expression, self._stated.unknowns)
         if other is not None:
             raise ModelError(
@@ -274,9 +278,6 @@ class LimitProblem:
                 f"{other.name()!r}: take those of this one, or state both in one cvxpy.Problem, "
                 "as docs/problem.md shows"
             )
-
-    def _change(self, limits: dict[str, tuple[cp.Constraint, ...]]) -> None:
-        self._stated.change(limits, self._stated.aim, self._stated.sense)
 
     def maximise(self, expression: cp.Expression | None) -> None:
         """Maximise a concave expression in place of the load factor; None goes back to that. Fix
@@ -303,14 +304,17 @@ class LimitProblem:
     maximize, minimize = maximise, minimise
 
     def _aim_at(self, aim: cp.Expression | None, sense: float) -> None:
-        if aim is not None and not (isinstance(aim, cp.Expression) and aim.variables()):
+        """Maximises (``sense`` 1) or minimises (-1) an aim, or the load factor for None."""
+        if aim is None:
+            self._stated.change(self._stated.limits, None)
+            return
+        if not (isinstance(aim, cp.Expression) and aim.variables()):
             raise ModelError(f"an aim must be of forces, as problem.N[0], got {aim!r}")
-        if aim is not None and not (aim.is_scalar() and (sense * aim).is_concave()):
+        if not (aim.is_scalar() and (sense * aim).is_concave()):
             which = "concave can be maximised" if sense > 0.0 else "convex can be minimised"
             raise ModelError(f"only one number that is {which}, got {aim}")
-        if aim is not None:
-            self._refuse_foreign("the aim", aim)
-        self._stated.change(self._stated.limits, aim, 1.0 if aim is None else sense)
+        self._refuse_foreign("the aim", aim)
+        self._stated.change(self._stated.limits, aim, sense)
 
     # What is found
 
@@ -400,6 +404,7 @@ class LimitProblem:
         >>> [round(s.load_factor / scene.total_weight, 6) for s in (least, largest)]
         [1.0, 1.0]
         """
+        # A copy with the load factor fixed shares the variables: these get their values back.
         aside = copy(self)
         aside._stated = copy(self._stated)
         limits = {**self._stated.limits, "load factor": (self.factor == factor,)}
@@ -416,13 +421,14 @@ class Constraints(list[cp.Constraint]):
 
     @property
     def dual_value(self) -> Any:
-        """That of the constraint, or a list of those of several."""
+        """The dual of the one constraint, or the list of the duals of several; None before a
+        solve."""
         values = [each.dual_value for each in self]
         return values[0] if len(values) == 1 else values
 
 
 def problem_of(solution: Solution) -> Any:
-    """See :attr:`cvxlimit.Solution.problem`."""
+    """The problem that has a solution as its answer: see :attr:`cvxlimit.Solution.problem`."""
     if solution.from_rest is not None:
         return attached("step_problem")(solution)
     problem = LimitProblem(solution.scene, solution.surfaces or solution.surface)
