@@ -35,10 +35,9 @@ nothing is believed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import accumulate, chain, islice, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,12 +47,13 @@ from scipy.sparse.linalg import splu
 from cvxlimit.base.arrays import EPSILON, ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
 from cvxlimit.model.crushing import EffectiveRectangles
-from cvxlimit.model.formulations import ForceModel, corner_compressions, express, is_weak
+from cvxlimit.model.formulations import ForceModel, corner_compressions, is_weak
 from cvxlimit.model.sinks import Rows, stacked
+from cvxlimit.proof.conditions import ConditionRows
 from cvxlimit.solvers import settings_for
 from cvxlimit.solvers.running import Flows
-from cvxlimit.surfaces.base import CONSTANT, LinearForm, YieldSurface, number
-from cvxlimit.surfaces.cones import Cone, Sink, refuse_false_polar
+from cvxlimit.surfaces.base import CONSTANT, YieldSurface, number
+from cvxlimit.surfaces.cones import Sink
 from cvxlimit.surfaces.coulomb import Bounds, with_bounds
 from cvxlimit.surfaces.exact_torsion import Edges
 
@@ -110,81 +110,6 @@ def corner_openings(rates: FloatArray, contacts: Contacts) -> FloatArray:
     return result + y * rates[j, COLUMN["M1"]] - x * rates[j, COLUMN["M2"]]
 
 
-class _Forms:
-    """Linear forms as rows on the internal forces: matrix @ internal + constant.
-
-    ``forces`` are the components of ``contacts`` contacts as forms of ``width`` unknowns, the
-    internal forces; ``forms`` come with the contact of each of their rows, None for one per
-    contact. They stand one below the other: ``slices`` says which rows are those of each form, and
-    ``contact`` has the contact of every row.
-    """
-
-    def __init__(
-        self, forces: Mapping[str, Any], contacts: int, width: int,
-        forms: list[tuple[LinearForm, IntArray | None]],
-    ) -> None:  # fmt: skip
-        every = np.arange(contacts)
-        rows = [express(form, forces, at) for form, at in forms]
-        ends = list(accumulate((form.size for form in rows), initial=0))
-        self.slices, self.size = list(map(slice, ends, ends[1:])), ends[-1]
-        whole = stacked(rows or [forces["N"][every[:0]]])  # without forms, no rows
-        self.matrix, self.constant = whole.numbers(width)
-        self.contact = np.concatenate(
-            [every[:0], *(every if at is None else at for _, at in forms)]
-        )
-        self.transposed: sp.csc_array = self.matrix.T
-
-
-class ConditionRows:
-    """Conditions of several surfaces, and of a model itself, as rows on its internal forces.
-
-    Attributes
-    ----------
-    resistance, norms : rows R, c and B, b of all conditions
-        Each has ``matrix``, its transpose ``transposed``, ``constant`` and ``contact``, the contact
-        of every row.
-    conditions : list of (cone, slice, list of int arrays)
-        Of every condition the cone, its rows of ``resistance``, and for each of its norms those of
-        ``norms``, (components, rows).
-    names : list of str
-        Of every condition the surface that states it.
-    """
-
-    def __init__(self, surfaces: Sequence[YieldSurface], model: ForceModel) -> None:
-        self.model, stated = model, model.all_conditions(surfaces)
-        resistances: list[tuple[LinearForm, IntArray | None]] = []
-        norms: list[tuple[LinearForm, IntArray | None]] = []
-        self.names = [name for name, _, _ in stated]
-        for _, condition, _ in stated:
-            resistance, rows = condition.at_present()
-            resistances.append((resistance, condition.contact))
-            norms += zip(rows, repeat(condition.contact))
-        unknowns = Rows()
-        forces, _ = model.unknowns(unknowns)
-        count, width = model.count, unknowns.width
-        self.resistance = _Forms(forces, count, width, resistances)
-        self.norms = _Forms(forces, count, width, norms)
-        # Forms were collected condition by condition, so their slices come in that order.
-        self.conditions: list[tuple[Cone, slice, list[IntArray]]] = []
-        of_norms = map(np.arange(self.norms.size).__getitem__, self.norms.slices)
-        for (_, condition, cone), at in zip(stated, self.resistance.slices, strict=True):
-            by_norm = [np.stack([*islice(of_norms, len(n.rows))]) for n in condition.norms]
-            for norm in by_norm:
-                refuse_false_polar(cone, len(norm))
-            self.conditions.append((cone, at, by_norm))
-
-    def excess(self, state: FloatArray) -> FloatArray:
-        """Yield functions (k,) of a state, internal forces (p,), row by row of the resistances;
-        those of an admissible state are at most 0."""
-        resistance, norms = self.resistance, self.norms
-        value = np.asarray(-(resistance.matrix @ state + resistance.constant))
-        components = norms.matrix @ state + norms.constant
-        for cone, at, by_norm in self.conditions:
-            for norm in by_norm:
-                value[at] += cone.gauge(components[norm])
-        return value
-
-
 class StatedFlow(NamedTuple):
     """The flow rule stated to a sink: lambda (k,), y (q,) and the dissipation as forms of its
     unknowns; None where there are no rows."""
@@ -217,10 +142,9 @@ class FlowRule(ConditionRows):
         # Compressions that are bounded above resist any rate: at their bound where it closes them.
         most = np.full(self.model.count, np.inf)
         for surface in with_bounds(surfaces, own.contacts):
-            for condition in (
-                surface.conditions(own.contacts) if surface.name == Bounds.name else ()
-            ):
-                most[condition.contact] = number(condition.resistance.get(CONSTANT, 0.0))
+            if surface.name == Bounds.name:
+                for condition in surface.conditions(own.contacts):
+                    most[condition.contact] = number(condition.resistance.get(CONSTANT, 0.0))
         most = most[own.contact[self._compressions]]
         self._bounded = np.flatnonzero(np.isfinite(most))
         self._most = most[self._bounded]
@@ -247,32 +171,38 @@ class FlowRule(ConditionRows):
         ``unit`` (n,) is the strength of each contact, a force: the dissipation is divided by it
         contact by contact, and so becomes an opening.
         """
-        every, flows = list[Any](), list[Any]()
+        each, flows = list[Any](), list[Any]()
         for cone, at, by_norm in self.conditions:
+            # Of each norm flows y and a bound on their polar gauge; lambda is no less than any.
             polars = [cone.polar(into, *norm.T.shape) for norm in by_norm]
             if len(polars) == 1:
-                multipliers = polars[0][0]
+                own = polars[0][0]
             else:
-                multipliers = into.new(at.stop - at.start, nonneg=True)
-            for bound, _ in polars if len(polars) > 1 else ():
-                into.nonneg(multipliers - bound)
-            every.append(multipliers)
-            flows.extend(chain(*(rows for _, rows in polars)))
+                own = into.new(at.stop - at.start, nonneg=True)
+                for bound, _ in polars:
+                    into.nonneg(own - bound)
+            each.append(own)
+            for _, components in polars:
+                flows.extend(components)
         # rest = rates - R' lambda + B' y, and dissipation = c' lambda - b' y
-        rest, lost, forms = rates, list[Any](), [stacked(e) if e else None for e in (every, flows)]
-        for sign, rows, form in zip((1.0, -1.0), (self.resistance, self.norms), forms, strict=True):
-            if form is not None:
-                change = rows.transposed @ form
-                rest = rest - change if sign > 0.0 else rest + change
-                per = 1.0 if unit is None else unit[rows.contact]
-                lost.append((sign * rows.constant / per) @ form)
+        rest, lost, multipliers, y = rates, list[Any](), None, None
+        if each:
+            rows, multipliers = self.resistance, stacked(each)
+            per = 1.0 if unit is None else unit[rows.contact]
+            rest = rest - rows.transposed @ multipliers
+            lost.append((rows.constant / per) @ multipliers)
+        if flows:
+            rows, y = self.norms, stacked(flows)
+            per = 1.0 if unit is None else unit[rows.contact]
+            rest = rest + rows.transposed @ y
+            lost.append((-rows.constant / per) @ y)
         # an opening that is zero or not negative
         if len(self._signed):
             into.zero(rest[self._signed])
         if len(self._compressions):
             into.nonneg(rest[self._compressions])
         total = sum(lost[1:], start=lost[0]) if lost else 0.0
-        return StatedFlow(forms[0], forms[1], total)
+        return StatedFlow(multipliers, y, total)
 
     def shortfall(self, rates: FloatArray, duals: Flows | None = None) -> Shortfall:
         """Returns the shortfall of relative rates (n, 6), with as little dissipation as the missing
@@ -302,10 +232,10 @@ class FlowRule(ConditionRows):
         """Returns flows (q,) and multipliers (k,) that a solver's duals are; None where they are of
         other conditions."""
         flows, multipliers = np.zeros(self.norms.size), np.zeros(self.resistance.size)
-        own = {name: iter(each) for name, each in duals().items()}
+        left = {name: list(each) for name, each in duals().items()}
         for name, (_, at, by_norm) in zip(self.names, self.conditions, strict=True):
-            of_rows, of_norms = next(own.get(name, iter(())), (np.zeros(0), []))
-            rows = list(chain(*by_norm))
+            of_rows, of_norms = left[name].pop(0) if left.get(name) else (np.zeros(0), [])
+            rows = [row for norm in by_norm for row in norm]
             sizes = [at.stop - at.start, *map(len, rows)]
             if sizes != [len(values) for values in (of_rows, *of_norms)]:
                 return None
@@ -360,9 +290,10 @@ class FlowRule(ConditionRows):
         lacks = -opening / self._normal_per_unit
         lacks[bounded] = -np.inf
         np.maximum.at(missing, contact, lacks)
-        if (crushing := self._crushing) is not None:
-            missing[crushing.rows] = -np.inf
-            by_contact[crushing.rows] += crushing.dissipation(*self._on_rectangles(opening))
+        if self._crushing is not None:
+            weak = self._crushing.rows
+            missing[weak] = -np.inf
+            by_contact[weak] += self._crushing.dissipation(*self._on_rectangles(opening))
         unresisted = -rest[self._signed] * self._length
         return Shortfall(missing, unresisted, float(by_contact.sum()), by_contact, multipliers)
 
@@ -453,9 +384,12 @@ class FlowRule(ConditionRows):
         _, x, _ = program.solve(settings_for("CLARABEL"))
         if x is None:
             return self._no_flows
-        none = zip((flow.flows, flow.multipliers), self._no_flows, strict=True)
-        found = [zero if form is None else scale * form.values(x) for form, zero in none]
-        return found[0], np.maximum(found[1], 0.0)
+        flows, multipliers = self._no_flows
+        if flow.flows is not None:
+            flows = scale * flow.flows.values(x)
+        if flow.multipliers is not None:
+            multipliers = np.maximum(scale * flow.multipliers.values(x), 0.0)
+        return flows, multipliers
 
     @cached_property
     def _constants(self) -> FloatArray:

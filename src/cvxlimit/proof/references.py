@@ -30,7 +30,7 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.statics import DOF
-from cvxlimit.proof.flow import ConditionRows
+from cvxlimit.proof.conditions import ConditionRows
 from cvxlimit.proof.strength import NOTHING, Strength
 from cvxlimit.solution.bracket import Reference
 from cvxlimit.surfaces.coulomb import bounded

@@ -40,7 +40,8 @@ from cvxlimit.model.crushing import EffectiveRectangles
 from cvxlimit.model.formulations import corner_compressions, model_of
 from cvxlimit.model.mortar import without_tension
 from cvxlimit.model.statics import Statics
-from cvxlimit.proof.flow import ConditionRows, FlowRule, corner_openings
+from cvxlimit.proof.conditions import ConditionRows
+from cvxlimit.proof.flow import FlowRule, corner_openings
 from cvxlimit.results.corners import Follows, Shapes, followed, volume_slopes
 from cvxlimit.results.movement import block_rates
 from cvxlimit.results.uniqueness import others

@@ -16,7 +16,7 @@ from scipy.sparse.linalg import splu
 
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.model.statics import DOF
-from cvxlimit.proof.flow import ConditionRows
+from cvxlimit.proof.conditions import ConditionRows
 from cvxlimit.solution.bracket import TOLERANCE
 from cvxlimit.surfaces.cones import Cone
 
