@@ -98,10 +98,7 @@ def shown(run: Run, evidence: Mapping[str, Evidence], start: float = 0.0) -> flo
 
 
 def lower_bound(
-    run: Run,
-    upper: float,
-    states: Iterable[tuple[FloatArray, float]] = (),
-    most: float = np.inf,
+    run: Run, upper: float, states: Iterable[tuple[FloatArray, float]] = (), most: float = np.inf
 ) -> LowerBound:
     """The largest load factor below which least thrusts exclude every solution without dilatancy.
 

@@ -185,12 +185,9 @@ class ForceModel:
         return written
 
     def unknowns(
-        self,
-        into: Sink,
-        force: float = 1.0,
-        length: float = 1.0,
+        self, into: Sink, force: float = 1.0, length: float = 1.0,
         components: Mapping[str, LinearForm] = MappingProxyType({}),
-    ) -> tuple[dict[str, Any], list[Any]]:
+    ) -> tuple[dict[str, Any], list[Any]]:  # fmt: skip
         """The forces as new unknowns of a sink.
 
         ``components`` may give a part as a linear form of parts before it, of force components, or

@@ -169,9 +169,7 @@ def status_check(said: Solution) -> Check:
 def _tolerance_of(said: Solution) -> float:
     """The tolerance asked for; that of the method where none was."""
     method = TABLE.get(method_of(said))
-    usual: Any = None
-    if method is not None:
-        usual = method.usual or getattr(method, "tolerance", None)
+    usual = getattr(method, "usual", None) or getattr(method, "tolerance", None)
     return said.tolerance or usual or TOLERANCE
 
 

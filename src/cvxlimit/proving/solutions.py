@@ -54,12 +54,9 @@ def prove_result(what: Any, scene: Scenes | None, own: Mapping[str, Any]) -> Pro
 
 
 def solution_checks(
-    solution: Solution,
-    scene: Scene,
-    surface: Any = None,
-    moments: str | Moments | None = None,
+    solution: Solution, scene: Scene, surface: Any = None, moments: str | Moments | None = None,
     formulation: Formulation = corner_compressions,
-) -> list[Check]:
+) -> list[Check]:  # fmt: skip
     """Every claim of a solution about a scene, checked.
 
     ``surface`` and ``moments`` are needed where the solution names some of one's own.

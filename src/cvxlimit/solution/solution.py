@@ -416,10 +416,7 @@ class Solution:
         return table
 
     def plot(
-        self,
-        kind: str = "mechanism",
-        path: str | os.PathLike[str] | None = None,
-        **options: Any,
+        self, kind: str = "mechanism", path: str | os.PathLike[str] | None = None, **options: Any
     ) -> Any:
         """Draw the result as a SceneFigure, Animation or Page; nothing is shown by itself, but
         notebooks show what ends a cell.
@@ -464,16 +461,10 @@ class Solution:
         return attached("solution_to_compas")(self, model, largest)
 
     def report(
-        self,
-        file: str | os.PathLike[str] | None = None,
-        *,
-        path: Any = None,
-        check: Any = None,
-        envelope: Any = None,
-        sensitivity: Any = None,
-        without_dilatancy: Solution | None = None,
+        self, file: str | os.PathLike[str] | None = None, *, path: Any = None, check: Any = None,
+        envelope: Any = None, sensitivity: Any = None, without_dilatancy: Solution | None = None,
         notes: Mapping[str, str] | None = None,
-    ) -> Any:
+    ) -> Any:  # fmt: skip
         """One page that prints to two sheets of A4, to be read and signed: the result with its
         bracket and what that rests on, pictures of structure and mechanism, loads, joints, what was
         simplified or assumed, versions, the scene's digest and how to cite.

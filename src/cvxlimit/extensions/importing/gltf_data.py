@@ -179,24 +179,17 @@ class GltfData:
 
     def _buffer(self, number: int) -> bytes:
         """The bytes of a buffer, which are read once: of the GLB, of a data URI, or of a file."""
-        if number not in self.buffers:
-            self.buffers[number] = self._loaded(number)
-        return self.buffers[number]
-
-    def _loaded(self, number: int) -> bytes:
+        if number in self.buffers:
+            return self.buffers[number]
         buffer = self.each("buffers")[number]
         uri, length = buffer.get("uri"), buffer.get("byteLength")
         if not _is_whole(length):
             raise InputError(f"buffer {number} has no byteLength")
         if uri is None:
             data = self.binary if number == 0 and self.binary is not None else b""
-            # A buffer of no bytes is what compression leaves of one; who needs it is refused.
-            if data and len(data) < length:
-                raise InputError(f"buffer {number} says {length} bytes and has {len(data)}")
-            return data[:length]
-        if not isinstance(uri, str):
+        elif not isinstance(uri, str):
             raise InputError(f"the uri of buffer {number} must be a text, got {shown(uri)}")
-        if uri.startswith("data:"):
+        elif uri.startswith("data:"):
             head, _, body = uri.partition(",")
             try:
                 data = base64.b64decode(body, validate=True)
@@ -212,9 +205,12 @@ class GltfData:
                     f"buffer {shown(uri)} must be a file in the folder of {self.path.name}"
                 )
             data = read_bytes(self.path.with_name(plain), is_asked_for=False)
-        if len(data) < length:
+        # Without a uri no bytes are what compression leaves of a buffer; who needs it is refused.
+        is_left = uri is None and not data
+        if len(data) < length and not is_left:
             raise InputError(f"buffer {number} says {length} bytes and has {len(data)}")
-        return data[:length]
+        self.buffers[number] = data[:length]
+        return self.buffers[number]
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes | None]:

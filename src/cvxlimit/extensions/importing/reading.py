@@ -241,13 +241,9 @@ def _metres(unit: str) -> float:
 
 
 def _with_densities(
-    bodies: Sequence[Body],
-    density: float | None,
-    factor: float | None,
-    is_mass: bool,
-    supports: str | Sequence[str] | None,
-    notes: list[str],
-) -> list[Body]:
+    bodies: Sequence[Body], density: float | None, factor: float | None, is_mass: bool,
+    supports: str | Sequence[str] | None, notes: list[str],
+) -> list[Body]:  # fmt: skip
     """The bodies with weights per volume: ``density``, or else what files state times ``factor``.
 
     With ``is_mass`` a file may state mass, and the factor has to be given. Where the files leave

@@ -148,12 +148,9 @@ def check_asked(scene: Scene, confidence_factor: float = 1.35, g: float = G) -> 
 
 
 def _notes(
-    path: Path,
-    runs: Sequence[Path],
-    ends: Sequence[_End],
-    begins: Sequence[Oscillator],
+    path: Path, runs: Sequence[Path], ends: Sequence[_End], begins: Sequence[Oscillator],
     own_inertia: bool,
-) -> tuple[str, ...]:
+) -> tuple[str, ...]:  # fmt: skip
     """What is to say of the path, of the run that is checked, and of the mechanism at rest."""
     run = ends[0].run if ends else path
     notes = [*dict.fromkeys([*run.notes, *path.notes])]  # each once
