@@ -27,7 +27,8 @@ from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.methods.answer import Answer
 from cvxlimit.model.assemblage import Assemblage
-from cvxlimit.model.formulations import Formulation, about_cells, corner_compressions
+from cvxlimit.model.crushing import about_cells
+from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.mortar import Mortar
 from cvxlimit.model.statics import DOF, Scaling
 from cvxlimit.proof.strength import ContactFlow

@@ -1,31 +1,170 @@
 """Limited compressive strength: rectangles that crush on their effective part, or pressure fields.
 
 Uniform stress on the effective rectangle (Eq. 26) is the convex set
-N <= f (l1 - 2 abs(M2) / N) (l2 - 2 abs(M1) / N). Problems state it by rotated cones
-(:mod:`cvxlimit.model.formulations`); proofs use closed forms, :class:`EffectiveRectangles`. A
-plastic field of pressures 0 <= p <= f is a larger set: pressures constant on cells are inside it,
-pressures lumped at the cells' corners outside.
+N <= f (l1 - 2 abs(M2) / N) (l2 - 2 abs(M1) / N). Problems state it by rotated cones, where
+:func:`model_of` makes the model of all contacts; proofs use closed forms,
+:class:`EffectiveRectangles`. A plastic field of pressures 0 <= p <= f is a larger set: pressures
+constant on cells are inside it, pressures lumped at the cells' corners outside.
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import cvxpy as cp
 import numpy as np
+from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray, IntArray
+from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.model.formulations import (
-    DIVISIONS,
     ForceModel,
     Formulation,
-    is_weak,
-    model_of,
-    with_field,
+    Part,
+    compressions_at,
+    corner_compressions,
+    rotated,
 )
 from cvxlimit.model.points import Placing, at_centroids
-from cvxlimit.surfaces.base import number
+from cvxlimit.surfaces.base import CONSTANT, Condition, number, product
+
+_COMPRESSIONS = "n"
+"""Name of the compressions at corners, which a pressure field replaces."""
+
+DIVISIONS = 8
+"""Cells across a polygon that is no rectangle, unless asked for otherwise: at eccentricities of
+l/5 both ways a square then bears 1 % less than its plastic field."""
+
+
+def is_weak(contacts: Contacts) -> NDArray[np.bool_]:
+    """Which contacts may crush, (n,).
+
+    Those of limited compressive strength. Where that is a Parameter all may, as its value may
+    change, unless contacts know which have a limit (``crushes``, set by ``problem/given.py``).
+    Points never do.
+    """
+    strength, faces = contacts.compressive_strength, ~contacts.is_point
+    if isinstance(strength, cp.Expression):
+        return np.asarray(faces & getattr(contacts, "crushes", faces))
+    return np.asarray(faces & np.isfinite(strength))
+
+
+def model_of(
+    formulation: Formulation, contacts: Contacts, corners: ForceModel | None = None
+) -> ForceModel:
+    """The force model of contacts under a formulation, with compressive strength where given.
+
+    Rectangles crush on their effective rectangle, other polygons under a plastic field on cells.
+    Formulations with an attribute ``sees_to_strength`` state that themselves. ``corners`` are
+    corner compressions that are known already, perhaps of contacts in the same places.
+
+    Raises
+    ------
+    ModelError
+        If that is no :class:`ForceModel`.
+    """
+    model: Any = formulation
+    is_plain = formulation is corner_compressions
+    if is_plain and corners is not None and corners.contacts.is_in_place_of(contacts):
+        # The same parts, frozen, of contacts whose strengths may be others.
+        model = copy(corners)
+        object.__setattr__(model, "contacts", contacts)
+    elif callable(formulation):
+        model = formulation(contacts)
+    if not isinstance(model, ForceModel):
+        returned = "" if model is formulation else f", which returns {model!r:.80}"
+        raise ModelError(
+            "formulation must be a function from contacts to a ForceModel, like "
+            f"cvxlimit.model.formulations.resultants; got {formulation!r}{returned}"
+        )
+    weak = is_weak(contacts)
+    if not weak.any() or getattr(formulation, "sees_to_strength", False):
+        return model
+    rectangles = np.flatnonzero(weak & contacts.is_rectangle)
+    others = np.flatnonzero(weak & ~contacts.is_rectangle)
+    if len(rectangles):
+        model = _with_effective_rectangles(model, rectangles)
+    if len(others):
+        model = with_field(model, others, at_centroids, np.full(len(contacts), DIVISIONS))
+    return model
+
+
+def about_cells(formulation: Formulation, contacts: Contacts) -> str:
+    """What is to be said of cells, where polygons crush on them; else empty."""
+    is_field = is_weak(contacts) & ~contacts.is_rectangle
+    if not is_field.any() or getattr(formulation, "sees_to_strength", False):
+        return ""
+    return (
+        "contacts that are not rectangles crush under pressures constant on cells, "
+        f"{DIVISIONS} across: the bracket is that of this model, which is on the safe side"
+    )
+
+
+def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
+    """The model with the strength f of ``weak`` contacts, rectangles of sides l1 and l2.
+
+    The pressure centre lies e1 = abs(M2) / N and e2 = abs(M1) / N off the middle. A uniform stress
+    f on the rectangle about it bears (docs/physics.md)
+
+        N <= f (l1 - 2 e1) (l2 - 2 e2) = f A (1 - 2 e1 / l1) (1 - 2 e2 / l2).
+
+    With two more variables per contact this is written as rotated cones, the first one for each
+    choice of signs:
+
+        z^2 <= (N +- 2 M2 / l1) (N +- 2 M1 / l2),   N^2 <= z s,   s^2 <= N f A.
+
+    The first says z <= N ((1 - 2 e1 / l1) (1 - 2 e2 / l2))^(1/2), the last s <= (N f A)^(1/2), and
+    the second joins them: N^4 <= z^2 s^2, divided by N^3, is the strength above. Where that
+    holds, z and s can be as large as these bounds, so that nothing is lost either.
+    """
+    contacts = model.contacts
+    l1, l2 = contacts.sides[weak].T
+    most = product(contacts.compressive_strength, contacts.area)[weak]
+    effective = [
+        rotated("z", {"N": 1, "M2": i * 2.0 / l1}, {"N": 1, "M1": k * 2.0 / l2}, weak)
+        for i in (-1, 1)
+        for k in (-1, 1)
+    ]
+    conditions = [
+        *model.conditions,
+        *effective,
+        rotated("N", {"z": 1}, {"s": 1}, weak),
+        rotated("s", {"N": 1}, {CONSTANT: most}, weak),
+    ]
+    parts = [*model.parts, Part("z", {}, weak), Part("s", {}, weak)]
+    return replace(model, parts=parts, conditions=conditions)
+
+
+def with_field(
+    model: ForceModel, weak: IntArray, placing: Placing, divisions: IntArray
+) -> ForceModel:
+    """Returns the model with pressures at points of weak contacts in place of compressions at their
+    corners."""
+    contacts = model.contacts
+    names = [part.name for part in model.parts]
+    bounds_them = any(_COMPRESSIONS in form for c in model.conditions for form in c.forms())
+    if _COMPRESSIONS not in names or bounds_them:
+        raise ModelError(
+            "this formulation has no compressions at corners that a field of pressures could "
+            "replace: limited compressive strength goes with corner_compressions"
+        )
+    points = placing(contacts.take(weak), divisions[weak])
+    j = weak[points.contact]
+    most = product(points.share, product(contacts.compressive_strength, contacts.area)[j])
+    corner = model.parts[names.index(_COMPRESSIONS)]
+    kept = ~np.isin(corner.contact, weak)
+    components = {
+        c: v if np.ndim(v) == 0 else np.asarray(v)[kept] for c, v in corner.components.items()
+    }
+    parts = [part for part in model.parts if part is not corner]
+    if kept.any():
+        parts.append(replace(corner, components=components, contact=corner.contact[kept]))
+    parts.append(compressions_at(contacts, j, points.xy, "p"))
+    limit = Condition([], {"p": -1, CONSTANT: most}, j)
+    return replace(model, parts=parts, conditions=[*model.conditions, limit])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,7 @@ which makes R, the conditions to be written on s, and s as unknowns of a problem
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from types import MappingProxyType
@@ -24,7 +23,6 @@ from numpy.typing import NDArray
 from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
-from cvxlimit.model.points import Placing, at_centroids
 from cvxlimit.model.sinks import gathered
 from cvxlimit.surfaces.base import (
     CONSTANT,
@@ -41,9 +39,6 @@ from cvxlimit.surfaces.base import (
 from cvxlimit.surfaces.cones import Cone, Conic, Sink
 
 FORCES = ("V1", "V2", "N")
-
-_COMPRESSIONS = "n"
-"""Name of the compressions at corners, which a pressure field replaces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +163,8 @@ class ForceModel:
         stated = conditions_of(needed, self.contacts, names)
         written = [(surface.name, condition, surface.cone) for surface, condition in stated]
         written += [("formulation", condition, self.cone) for condition in self.conditions]
-        if len(faces := self.contacts.faces) < self.count:
+        faces = self.contacts.faces
+        if len(faces) < self.count:
             written = [(name, c.on_faces(faces), cone) for name, c, cone in written]
             written = [each for each in written if len(each[1].rows(0))]
         for _, condition, _ in written:
@@ -228,9 +224,10 @@ class _Forces(dict[str, Any]):
 
     def __missing__(self, component: str) -> Any:
         parts, n = self._model.parts, self._model.count
+        giving = [part for part in parts if component in part.components]
         terms = [
-            gathered(self.parts[p.name], p.contact, n, p.components.get(component, 0.0))
-            for p in [p for p in parts if component in p.components] or parts[:1]
+            gathered(self.parts[part.name], part.contact, n, part.components.get(component, 0.0))
+            for part in giving or parts[:1]  # nothing of one, where none gives any
         ]
         self[component] = sum(terms[1:], start=terms[0])
         return self[component]
@@ -267,74 +264,6 @@ def times(coefficient: Coefficient, component: Any) -> Any:
 Formulation = Callable[[Contacts], ForceModel]
 
 Numbers = Mapping[str, float | FloatArray]
-
-
-DIVISIONS = 8
-"""Cells across a polygon that is no rectangle, unless asked for otherwise: at eccentricities of
-l/5 both ways a square then bears 1 % less than its plastic field."""
-
-
-def model_of(
-    formulation: Formulation, contacts: Contacts, corners: ForceModel | None = None
-) -> ForceModel:
-    """The force model of contacts under a formulation, with compressive strength where given.
-
-    Rectangles crush on their effective rectangle, other polygons under a plastic field on cells.
-    Formulations with an attribute ``sees_to_strength`` state that themselves. ``corners`` are
-    corner compressions that are known already, perhaps of contacts in the same places.
-
-    Raises
-    ------
-    ModelError
-        If that is no :class:`ForceModel`.
-    """
-    model: Any = formulation
-    is_plain = formulation is corner_compressions
-    if is_plain and corners is not None and corners.contacts.is_in_place_of(contacts):
-        model = copy(corners)
-        object.__setattr__(model, "contacts", contacts)  # whose strengths may be others
-    elif callable(formulation):
-        model = formulation(contacts)
-    if not isinstance(model, ForceModel):
-        raise ModelError(
-            "formulation must be a function from contacts to a ForceModel, like "
-            f"cvxlimit.model.formulations.resultants; got {formulation!r}"
-            + ("" if model is formulation else f", which returns {model!r:.80}")
-        )
-    weak = is_weak(contacts)
-    if not weak.any() or getattr(formulation, "sees_to_strength", False):
-        return model
-    rectangles = np.flatnonzero(weak & contacts.is_rectangle)
-    others = np.flatnonzero(weak & ~contacts.is_rectangle)
-    if len(rectangles):
-        model = _with_effective_rectangles(model, rectangles)
-    if len(others):
-        model = with_field(model, others, at_centroids, np.full(len(contacts), DIVISIONS))
-    return model
-
-
-def about_cells(formulation: Formulation, contacts: Contacts) -> str:
-    """What is to be said of cells, where polygons crush on them; else empty."""
-    is_field = is_weak(contacts) & ~contacts.is_rectangle
-    if not is_field.any() or getattr(formulation, "sees_to_strength", False):
-        return ""
-    return (
-        "contacts that are not rectangles crush under pressures constant on cells, "
-        f"{DIVISIONS} across: the bracket is that of this model, which is on the safe side"
-    )
-
-
-def is_weak(contacts: Contacts) -> NDArray[np.bool_]:
-    """Which contacts may crush, (n,).
-
-    Those of limited compressive strength. Where that is a Parameter all may, as its value may
-    change, unless contacts know which have a limit (``crushes``, set by ``problem/given.py``).
-    Points never do.
-    """
-    strength, faces = contacts.compressive_strength, ~contacts.is_point
-    if isinstance(strength, cp.Expression):
-        return np.asarray(faces & getattr(contacts, "crushes", faces))
-    return np.asarray(faces & np.isfinite(strength))
 
 
 def corner_compressions(contacts: Contacts) -> ForceModel:
@@ -384,91 +313,24 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
     n = compressions_at(contacts, contacts.corner_contact, contacts.corner_xy)
     at = np.flatnonzero(~contacts.is_point[n.contact])
     j = n.contact[at]
-    # a part of the compressions: those of contacts that are points come with no friction
-    parts = (
-        [n] if len(at) == len(n.contact) else [compressions_at(contacts, j, contacts.corner_xy[at])]
-    )
     resistance: dict[str, Coefficient] = {"n": contacts.friction[j]}
     if is_some(contacts.cohesion):
         corners = np.diff(contacts.corner_start)
         resistance[CONSTANT] = product(contacts.cohesion, contacts.area / corners)[j]
     slips, coulomb = friction_at(j, contacts.corner_xy[at], resistance)
-    if len(at) < len(n.contact):
-        others = np.setdiff1d(np.arange(len(n.contact)), at)
-        own = compressions_at(contacts, n.contact[others], contacts.corner_xy[others], "reaction")
-        parts.append(own)
-    return ForceModel(contacts, [*parts, *slips], [coulomb])
-
-
-def _with_effective_rectangles(model: ForceModel, weak: IntArray) -> ForceModel:
-    """The model with the strength f of ``weak`` contacts, rectangles of sides l1 and l2.
-
-    The pressure centre lies e1 = abs(M2) / N and e2 = abs(M1) / N off the middle. A uniform stress
-    f on the rectangle about it bears (docs/physics.md)
-
-        N <= f (l1 - 2 e1) (l2 - 2 e2) = f A (1 - 2 e1 / l1) (1 - 2 e2 / l2).
-
-    With two more variables per contact this is written as rotated cones, the first one for each
-    choice of signs:
-
-        z^2 <= (N +- 2 M2 / l1) (N +- 2 M1 / l2),   N^2 <= z s,   s^2 <= N f A.
-
-    The first says z <= N ((1 - 2 e1 / l1) (1 - 2 e2 / l2))^(1/2), the last s <= (N f A)^(1/2), and
-    the second joins them: N^4 <= z^2 s^2, divided by N^3, is the strength above. Where that
-    holds, z and s can be as large as these bounds, so that nothing is lost either.
-    """
-    contacts = model.contacts
-    l1, l2 = contacts.sides[weak].T
-    most = product(contacts.compressive_strength, contacts.area)[weak]
-    effective = [
-        rotated("z", {"N": 1, "M2": i * 2.0 / l1}, {"N": 1, "M1": k * 2.0 / l2}, weak)
-        for i in (-1, 1)
-        for k in (-1, 1)
-    ]
-    conditions = [
-        *model.conditions,
-        *effective,
-        rotated("N", {"z": 1}, {"s": 1}, weak),
-        rotated("s", {"N": 1}, {CONSTANT: most}, weak),
-    ]
-    parts = [*model.parts, Part("z", {}, weak), Part("s", {}, weak)]
-    return replace(model, parts=parts, conditions=conditions)
+    if len(at) == len(n.contact):
+        return ForceModel(contacts, [n, *slips], [coulomb])
+    # Contacts that are points have no friction: their compressions are a part of their own.
+    others = np.setdiff1d(np.arange(len(n.contact)), at)
+    own = compressions_at(contacts, j, contacts.corner_xy[at])
+    rest = compressions_at(contacts, n.contact[others], contacts.corner_xy[others], "reaction")
+    return ForceModel(contacts, [own, rest, *slips], [coulomb])
 
 
 def rotated(root: str, first: Numbers, second: Numbers, contact: IntArray) -> Condition:
-    """Returns the condition root^2 <= first x second: a rotated cone."""
-    total, difference = (
-        {key: first.get(key, 0.0) + sign * second.get(key, 0.0) for key in {**first, **second}}
-        for sign in (1.0, -1.0)
-    )
+    """Returns the condition root^2 <= first x second, a rotated cone, written as
+    |(2 root, first - second)| <= first + second."""
+    names = {**first, **second}
+    total = {name: first.get(name, 0.0) + second.get(name, 0.0) for name in names}
+    difference = {name: first.get(name, 0.0) - second.get(name, 0.0) for name in names}
     return Condition([Norm({root: 2.0}, difference)], total, contact)
-
-
-def with_field(
-    model: ForceModel, weak: IntArray, placing: Placing, divisions: IntArray
-) -> ForceModel:
-    """Returns the model with pressures at points of weak contacts in place of compressions at their
-    corners."""
-    contacts = model.contacts
-    names = [part.name for part in model.parts]
-    if _COMPRESSIONS not in names or any(
-        _COMPRESSIONS in form for c in model.conditions for form in c.forms()
-    ):
-        raise ModelError(
-            "this formulation has no compressions at corners that a field of pressures could "
-            "replace: limited compressive strength goes with corner_compressions"
-        )
-    points = placing(contacts.take(weak), divisions[weak])
-    j = weak[points.contact]
-    most = product(points.share, product(contacts.compressive_strength, contacts.area)[j])
-    corner = model.parts[names.index(_COMPRESSIONS)]
-    kept = ~np.isin(corner.contact, weak)
-    components = {
-        c: v if np.ndim(v) == 0 else np.asarray(v)[kept] for c, v in corner.components.items()
-    }
-    parts = [part for part in model.parts if part is not corner]
-    if kept.any():
-        parts.append(replace(corner, components=components, contact=corner.contact[kept]))
-    parts.append(compressions_at(contacts, j, points.xy, "p"))
-    limit = Condition([], {"p": -1, CONSTANT: most}, j)
-    return replace(model, parts=parts, conditions=[*model.conditions, limit])

@@ -28,7 +28,8 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
 from cvxlimit.model.assemblage import Assemblage, Equilibrium, Reduction
-from cvxlimit.model.formulations import Formulation, corner_compressions, model_of, times
+from cvxlimit.model.crushing import model_of
+from cvxlimit.model.formulations import Formulation, corner_compressions, times
 from cvxlimit.model.sinks import Constraints, Rows, Written, stacked
 from cvxlimit.model.statement import LARGEST_FACTOR, Goal, Stated, admissible
 from cvxlimit.model.statics import DOF

@@ -46,8 +46,8 @@ from scipy.sparse.linalg import splu
 
 from cvxlimit.base.arrays import EPSILON, ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS, Contacts
-from cvxlimit.model.crushing import EffectiveRectangles
-from cvxlimit.model.formulations import ForceModel, corner_compressions, is_weak
+from cvxlimit.model.crushing import EffectiveRectangles, is_weak
+from cvxlimit.model.formulations import ForceModel, corner_compressions
 from cvxlimit.model.sinks import Rows, stacked
 from cvxlimit.proof.conditions import ConditionRows
 from cvxlimit.solvers import settings_for

@@ -33,8 +33,8 @@ from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.crushing import EffectiveRectangles, recession_of
-from cvxlimit.model.formulations import Formulation, corner_compressions, is_weak, model_of
+from cvxlimit.model.crushing import EffectiveRectangles, is_weak, model_of, recession_of
+from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import SMALLEST, Statics
 from cvxlimit.proof.flow import FlowRule, Shortfall
 from cvxlimit.solvers.running import Flows

@@ -21,8 +21,8 @@ from scipy.sparse.csgraph import connected_components
 from cvxlimit.base.arrays import ROUNDING, BoolArray, FloatArray, IntArray
 from cvxlimit.geometry.contacts import COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance, Reduction
-from cvxlimit.model.crushing import EffectiveRectangles
-from cvxlimit.model.formulations import Formulation, corner_compressions, is_weak
+from cvxlimit.model.crushing import EffectiveRectangles, is_weak
+from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.mirror import Mirror, find_mirror
 from cvxlimit.reductions.planar import InPlane, Plane, find_plane

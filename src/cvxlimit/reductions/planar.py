@@ -38,7 +38,8 @@ from numpy.typing import NDArray
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.geometry.contacts import Contacts
-from cvxlimit.model.formulations import ForceModel, Part, compressions_at, is_weak, rotated
+from cvxlimit.model.crushing import is_weak
+from cvxlimit.model.formulations import ForceModel, Part, compressions_at, rotated
 from cvxlimit.model.statics import DOF, Statics
 from cvxlimit.reductions.mirror import (
     are_loads_alike,

@@ -36,8 +36,8 @@ from cvxlimit.geometry.blocks import Block
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.geometry.facing import Reach, patches
 from cvxlimit.geometry.mesh import volume_and_centroid
-from cvxlimit.model.crushing import EffectiveRectangles
-from cvxlimit.model.formulations import corner_compressions, model_of
+from cvxlimit.model.crushing import EffectiveRectangles, model_of
+from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.mortar import without_tension
 from cvxlimit.model.statics import Statics
 from cvxlimit.proof.conditions import ConditionRows
