@@ -21,7 +21,7 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from cvxlimit.base.arrays import SMALL, BoolArray, FloatArray
+from cvxlimit.base.arrays import SMALL, FloatArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.methods.aside import Aside
@@ -73,7 +73,7 @@ class LowerBound:
     is_cut : bool
         True if the number of problems ran out first; more of them may raise the bound.
     evidence : mapping of str to Evidence
-        By which :func:`shown` finds the same bound again without a solver.
+        By which :func:`excluded_by` finds the same bound again without a solver.
     """
 
     load_factor: float
@@ -85,7 +85,7 @@ class LowerBound:
     evidence: Mapping[str, Evidence]
 
 
-def shown(run: Run, evidence: Mapping[str, Evidence], start: float = 0.0) -> float:
+def excluded_by(run: Run, evidence: Mapping[str, Evidence], start: float = 0.0) -> float:
     """The load factor from ``start`` to which evidence excludes every solution without dilatancy:
     rates bound thrusts from below, friction of these carries one interval after the other.
 
@@ -94,7 +94,7 @@ def shown(run: Run, evidence: Mapping[str, Evidence], start: float = 0.0) -> flo
     ModelError
         If forces or rates are none of these blocks, or the surfaces are not covered.
     """
-    return _Parts(run).shown(evidence, start)
+    return _Parts(run).excluded_by(evidence, start)
 
 
 def lower_bound(
@@ -165,32 +165,32 @@ class _Thrusts:
         self.lines = [(np.zeros(count), np.zeros(count), np.zeros(count))]  # none is below zero
         self.pressed_by_factor: dict[float, FloatArray] = {}
 
-    def least(self, start: float, end: float) -> FloatArray:
+    def at_least(self, start: float, end: float) -> FloatArray:
         """Returns the bounds (n,) from below that hold for all load factors from ``start`` to
         ``end``: the least value of the greatest line, at an end or where two lines cross."""
-        largest = max(abs(start), abs(end))
         constant, slope, rounding = (np.array(part) for part in zip(*self.lines, strict=True))
-        constant = constant - largest * rounding
-        at = [np.full(constant.shape[1:], end) for end in (start, end)]
+        constant = constant - max(abs(start), abs(end)) * rounding
+        ends = [np.full(constant.shape[1:], end) for end in (start, end)]
+        crossings = list[FloatArray]()
         for i in range(len(constant)):
             for k in range(i):
-                turn = slope[i] - slope[k]
-                cross = (constant[k] - constant[i]) / np.where(turn != 0.0, turn, np.inf)
-                at.append(np.clip(cross, start, end))
-        found: FloatArray = np.min([(constant + slope * x).max(axis=0) for x in at], axis=0)
+                differ = slope[i] - slope[k]
+                at = (constant[k] - constant[i]) / np.where(differ != 0.0, differ, np.inf)
+                crossings.append(np.clip(at, start, end))
+        greatest = [(constant + slope * at).max(axis=0) for at in (*ends, *crossings)]
+        found: FloatArray = np.min(greatest, axis=0)
         return found
 
-    def show(self, factor: float, pressed: FloatArray) -> None:
+    def add_state(self, factor: float, pressed: FloatArray) -> None:
         """Add an admissible state with compressions ``pressed`` (n,) at a load factor."""
         before = self.pressed_by_factor.get(factor)
         self.pressed_by_factor[factor] = pressed if before is None else np.minimum(before, pressed)
 
-    def shown(self, factor: float) -> FloatArray:
+    def at_most(self, factor: float) -> FloatArray:
         """Returns the bounds (n,) from above at a load factor: those of states, and of means of two
         states, which are admissible as well."""
-        result = self.pressed_by_factor.get(factor)
-        count = len(self.lines[0][0])
-        found = np.full(count, np.inf) if result is None else result
+        unknown = np.full(len(self.lines[0][0]), np.inf)
+        found = self.pressed_by_factor.get(factor, unknown)
         for low, below in self.pressed_by_factor.items():
             for high, above in self.pressed_by_factor.items():
                 if low < factor < high:
@@ -213,7 +213,7 @@ class _Parts:
         given, loaded = run.assemblage, loaded_blocks(run.assemblage.statics)
         self.kept = np.flatnonzero(contacts_of(given.statics, loaded))
         self.part = given if loaded.all() else with_contacts(given, self.kept, loaded)
-        self.count = len(run.contacts)
+        self.count, self.friction = len(run.contacts), np.asarray(self.part.contacts.friction)
         self.thrusts = _Thrusts(len(self.kept))
         with run.clock.phase("compile"):
             self.reduced = self._reduced(run.surfaces)
@@ -237,7 +237,7 @@ class _Parts:
             line[:, j] = parts
         self.thrusts.lines.append((line[0], line[1], line[2]))
 
-    def shown(self, evidence: Mapping[str, Evidence], a: float) -> float:
+    def excluded_by(self, evidence: Mapping[str, Evidence], a: float) -> float:
         """Returns to which load factor evidence excludes every one from ``a`` on."""
         for by in evidence.values():
             if by.contacts is not None and by.rates is not None:
@@ -249,7 +249,7 @@ class _Parts:
                 found = {j: self.minorant(j, u) for j, u in pairs if j < len(self.kept)}
                 self.add_line({j: line for j, line in found.items() if line is not None})
             elif by.until is not None and by.until > a and by.forces is not None:
-                surfaces = tresca(self.run.surfaces, self.thrusts.least(a, by.until))
+                surfaces = tresca(self.run.surfaces, self.thrusts.at_least(a, by.until))
                 certifier = Certifier(self.reduced.assemblage, surfaces)
                 certifier.refer_to(by.reference or Reference(), has_live=True)
                 state = LimitState(Outcome("given", 0.0, 0.0), by.load_factor, by.forces, by.rates)
@@ -271,7 +271,7 @@ class _Search(_Parts):
         self.random = np.random.default_rng(0)
         self.evidence = dict[str, Evidence]()
         for forces, factor in states:
-            self.thrusts.show(factor, forces[self.kept, COLUMN["N"]])
+            self.thrusts.add_state(factor, forces[self.kept, COLUMN["N"]])
         with run.clock.phase("compile"):
             found = self.reduced
             self.weight = cp.Parameter(len(self.kept), nonneg=True)
@@ -288,6 +288,7 @@ class _Search(_Parts):
         a, forces, rounds, is_cut = start, None, 0, False
         self.rise = _RISE if has_end else SMALL
         while a < self.upper and not self.run.is_boundless(a):
+            # Least thrusts at the bound so far; without an end, whether all from there on is out.
             rounds += 1
             is_cut = self._tighten(a)
             if not (has_end or is_cut):
@@ -296,23 +297,21 @@ class _Search(_Parts):
                     a, forces = np.inf, ray
                     break
                 self.upper = 2.0 * max(a, self.part.scaling.ratio)
+            # What they exclude from there on.
             before = a
             a, forces, was_cut = self._excluded(a, forces)
             is_cut = is_cut or was_cut
             if is_cut or a - before <= self.rise * a:
                 break
             self.upper = self.upper if has_end else np.inf
+        # Thrusts and forces of all contacts, with those that carry no live load.
         thrusts, whole = np.zeros(self.count), None
         if np.isfinite(a):
-            thrusts[self.kept] = self.thrusts.least(a, a)
+            thrusts[self.kept] = self.thrusts.at_least(a, a)
         if forces is not None:
             whole = np.zeros((self.count, len(COMPONENTS)))
             whole[self.kept] = forces
         return LowerBound(a, thrusts, whole, rounds, self.solves, is_cut, self.evidence)
-
-    @property
-    def _is_spent(self) -> bool:
-        return self.solves >= self.most
 
     # Least thrusts
 
@@ -321,46 +320,41 @@ class _Search(_Parts):
         returns True if problems ran out before."""
         lost = TOLERANCE * self.part.scaling.force / len(self.kept)
         self.factor, self.at.value = factor, factor / self.part.scaling.load_factor(1.0)
-        is_asked = self._friction() == 0.0  # or need not be
+        is_asked = self.friction == 0.0  # or need not be
 
-        def opened() -> BoolArray:
-            gap = self.thrusts.shown(factor) - self.thrusts.least(factor, factor)
-            return np.asarray((gap > lost) & ~is_asked)
+        def apart() -> FloatArray:
+            return self.thrusts.at_most(factor) - self.thrusts.at_least(factor, factor)
 
-        while (is_open := opened()).any():  # all that are open at once: many come out at nothing
-            if self._is_spent:
+        # All that are open at once, at random weights: many come out at nothing.
+        is_open = (apart() > lost) & ~is_asked
+        while is_open.any():
+            if self.solves >= self.most:
                 return True
             if self._asked(is_open * self.random.uniform(size=len(is_open))) is None:
                 return False  # no state carries the load at this factor, or none was found
-            if opened().sum() > _FEWER * is_open.sum():
+            before, is_open = is_open.sum(), (apart() > lost) & ~is_asked
+            if is_open.sum() > _FEWER * before:
                 break
+        # Then one by one, that first whose bounds leave most friction open; rates prove each.
         lines, proofs = dict[int, Minorant](), dict[int, FloatArray]()
-        while (is_open := opened()).any():
-            if self._is_spent:
-                break
-            gap = self._friction() * (
-                self.thrusts.shown(factor) - self.thrusts.least(factor, factor)
-            )
-            j = int(np.where(is_open, gap, -1.0).argmax())
+        while is_open.any() and self.solves < self.most:
+            j = int(np.where(is_open, self.friction * apart(), -1.0).argmax())
             is_asked[j] = True
             weight = np.zeros(len(self.kept))
             weight[j] = 1.0
             state = self._asked(weight)
-            if state is None or state.mechanism is None:
-                continue
-            with self.run.clock.phase("certify"):
-                rates = state.mechanism * self.part.scaling.live  # a force of one does power one
-                found = self.minorant(j, rates)
-            if found is not None:
-                lines[j], proofs[j] = found, rates
+            if state is not None and state.mechanism is not None:
+                with self.run.clock.phase("certify"):
+                    rates = state.mechanism * self.part.scaling.live  # a force of one: power one
+                    found = self.minorant(j, rates)
+                if found is not None:
+                    lines[j], proofs[j] = found, rates
+            is_open = (apart() > lost) & ~is_asked
         self.add_line(lines)
         if proofs:
             of = Evidence(rates=np.concatenate([*proofs.values()]), contacts=np.array([*proofs]))
             self.evidence[f"thrusts {len(self.thrusts.lines) - 1}"] = of
         return bool(is_open.any())
-
-    def _friction(self) -> FloatArray:
-        return np.asarray(self.part.contacts.friction)
 
     def _asked(self, weight: FloatArray) -> LimitState | None:
         """Returns the state with the least sum of compressions times ``weight`` (n,), or None."""
@@ -368,7 +362,7 @@ class _Search(_Parts):
         state = self._solved(self.problem)
         if state.forces is None:
             return None
-        self.thrusts.show(self.factor, state.forces[:, COLUMN["N"]])
+        self.thrusts.add_state(self.factor, state.forces[:, COLUMN["N"]])
         return state
 
     def _solved(self, problem: LimitProgram) -> LimitState:
@@ -386,20 +380,22 @@ class _Search(_Parts):
         width = self.upper - a if np.isfinite(self.upper) else self.part.scaling.ratio
         while a < self.upper and not self.run.is_boundless(a):
             end = min(a + width, self.upper)
-            least = self.thrusts.least(a, end)
+            least = self.thrusts.at_least(a, end)
             factor, found = self._carried(least, 2.0 * end)
             if factor > a and found is not None:
                 forces = found.forces
                 by = replace(found, until=end)
                 self.evidence[f"excluded {len(self.evidence) + 1}"] = by
             rise = min(factor, end) - a
-            a = max(a, a + rise)
-            if self._is_spent:
+            a = max(a, a + rise)  # it is -inf where nothing is proved
+            if self.solves >= self.most:
                 return a, forces, a < self.upper
             if factor >= end:
                 width *= 2.0
                 continue
-            lost = self._friction() @ (self.thrusts.least(a, a) - least)
+            # Go on as far again where most of it was excluded; else, unless that is all there is or
+            # thrusts hardly fall over it, with half of it.
+            lost = self.friction @ (self.thrusts.at_least(a, a) - least)
             if rise > self.rise * a and rise > 0.5 * width:
                 continue
             if width <= self.rise * a or lost <= TOLERANCE * self.part.scaling.force:

@@ -110,7 +110,7 @@ class ForceModel:
     contact: IntArray = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "count", len(self.contacts))
+        count = len(self.contacts)
         names = [part.name for part in self.parts]
         if len(set(names)) < len(names):
             raise ModelError(f"parts of a formulation need names of their own, got {names}")
@@ -122,15 +122,16 @@ class ForceModel:
                     f"known are {', '.join(COMPONENTS)}"
                 )
         for condition in self.conditions:
-            check_condition(condition, "the formulation", self.count, names)
+            check_condition(condition, "the formulation", count, names)
         sizes = [len(part.contact) for part in self.parts]
         ends = np.cumsum(sizes).tolist()
-        start = dict(zip(names, map(slice, [0, *ends], ends), strict=False))
-        object.__setattr__(self, "start", start)
-        object.__setattr__(self, "contact", np.concatenate([p.contact for p in self.parts]))
-        for name in ("nonneg", "is_moment"):
-            each = np.repeat([getattr(part, name) for part in self.parts], sizes)
-            object.__setattr__(self, name, each)
+        self.__dict__.update(
+            count=count,
+            start=dict(zip(names, map(slice, [0, *ends], ends), strict=False)),
+            contact=np.concatenate([part.contact for part in self.parts]),
+            nonneg=np.repeat([part.nonneg for part in self.parts], sizes),
+            is_moment=np.repeat([part.is_moment for part in self.parts], sizes),
+        )
 
     @cached_property
     def resultant_map(self) -> sp.csr_array:

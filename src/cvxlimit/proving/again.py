@@ -22,7 +22,7 @@ from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.answer import Answer
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Run, packed
-from cvxlimit.methods.least_thrust import lower_bound, shown
+from cvxlimit.methods.least_thrust import excluded_by, lower_bound
 from cvxlimit.methods.solving import TABLE
 from cvxlimit.methods.wedging import start_of, without_limit
 from cvxlimit.model.point_friction import PointFriction, at_centroids
@@ -201,7 +201,10 @@ class ProvedAgain:
             lower = -np.inf
             with suppress(ModelError):  # evidence of other blocks
                 start = start_of(run, self.solution.lower_end)
-                bound = shown(run, by, start) if by else lower_bound(run, held.lower).load_factor
+                if by:
+                    bound = excluded_by(run, by, start)
+                else:
+                    bound = lower_bound(run, held.lower).load_factor
                 lower = bound if held.lower_is_proved else lower
             is_met = abs(lower - held.lower) <= slack * max(self.unit, abs(held.lower))
             said = f"least thrusts{anew} show {rounded_down(lower, 9)}"
