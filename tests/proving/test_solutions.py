@@ -11,10 +11,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from cvxlimit import Block, Certified, Load, Scene, Solution, Status, builtin_scene, prove, solve
+from cvxlimit import (
+    Block,
+    Certified,
+    Load,
+    Reaction,
+    Scene,
+    Solution,
+    Status,
+    builtin_scene,
+    prove,
+    solve,
+)
 from cvxlimit.errors import InputError
 from cvxlimit.io import result_from_dict
-from cvxlimit.masonry import panel
+from cvxlimit.masonry import panel, stack
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.proof.checks import SLACK
 from cvxlimit.solution.bracket import Bracket
@@ -266,6 +277,40 @@ def test_a_solution_without_dilatancy_is_checked() -> None:
     wider = replace(held.bracket, upper=1.01 * held.upper)
     (missing,) = prove(replace(held, bracket=wider), STONE).missing
     assert missing.claim.startswith("upper bound")
+
+
+def test_a_solution_without_dilatancy_of_mortar_is_proved_from_its_file() -> None:
+    """A file holds no forces of its members, and mortar's pull is none of theirs."""
+    prop = Reaction("b1", (1.0, 0.5, 0.5), (-1, 0, 0), 0.2, 0.1)
+    for scene in (STONE.with_cohesion(2.0).with_strength(tensile=1.0),
+                  replace(STONE, reactions=(prop,))):  # fmt: skip
+        proof = prove(read(solve(scene, method="zero-dilatancy")), scene)
+        assert proof.is_proved, str(proof)
+
+
+@pytest.mark.parametrize("method", ["exact", "zero-dilatancy", "incremental", "fixed-point"])
+def test_a_fall_is_proved_whatever_the_method(method: str) -> None:
+    steep, weak = ARCH.with_friction(0.05), ARCH.with_strength(compressive=5.0)
+    for scene in (steep, weak)[: 1 if method == "fixed-point" else 2]:
+        held = read(solve(scene, method=method))
+        assert held.status is Status.DEAD_LOAD_UNSTABLE
+        proof = prove(held, scene)
+        assert proof.is_proved, str(proof)
+        assert "the dead load cannot stand: proved (by the mechanism)" in str(proof)
+        rates = {key: -np.array(value) for key, value in held.mechanism.items()}
+        assert not prove(replace(held, mechanism=rates), scene).is_proved
+
+
+def test_the_upper_bound_of_the_exact_limit_counts_reactions_and_mortar() -> None:
+    """The exact flow rule knows of neither: the problem around the exact limit does."""
+    column = stack(2, size=(0.9, 0.7, 0.4), density=20.0, friction=0.45)
+    prop = Reaction("b2", (0.45, 0.35, 0.6), (-1, 0.1, 0), 2.0)
+    skew = replace(column, reactions=(prop,), live=Load(acceleration=(0.8, 0.6, 0.0)))
+    for scene in (skew, skew.with_cohesion(3.0).with_strength(tensile=1.0)):
+        held = read(solve(scene, method="exact"))
+        assert held.status is Status.CERTIFIED
+        proof = prove(held, scene)
+        assert proof.is_proved, str(proof)
 
 
 def test_surfaces_of_ones_own_are_asked_for() -> None:

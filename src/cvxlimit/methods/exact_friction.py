@@ -83,7 +83,8 @@ class ExactFriction(Method):
                 best = replace(best, beside={"points": by})
             with run.clock.phase("certify"):
                 bracket = _lowered(above.best, certifier)
-            run.best = best.lowered(bracket.upper, bracket.upper_is_proved, above.best.mechanism)
+            outside = above.best.mechanism, above.best.reference
+            run.best = best.lowered(bracket.upper, bracket.upper_is_proved, *outside)
             if run.best.bracket.is_within(self.tolerance):
                 return Status.CERTIFIED
             differences = [

@@ -25,7 +25,8 @@ from cvxlimit.methods.driver import Run, packed
 from cvxlimit.methods.least_thrust import excluded_by, lower_bound
 from cvxlimit.methods.solving import TABLE
 from cvxlimit.methods.wedging import start_of, without_limit
-from cvxlimit.model.point_friction import PointFriction, at_centroids
+from cvxlimit.model.point_friction import PointFriction, at_centroids, at_corners
+from cvxlimit.model.statics import DOF
 from cvxlimit.proof.admissible import carried_exactly
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, is_alike, proved, unseen
@@ -51,8 +52,9 @@ def evidence_of(solution: Solution, run: Run) -> Evidence:
 
 
 def with_mortar(forces: FloatArray | None, run: Run) -> FloatArray | None:
-    """Forces (n, 6) of the scene as it is solved, from those of the scene as it was given."""
-    if forces is None or run.mortar is None:
+    """Forces (n, 6) of the scene as it is solved, from those of the scene as it was given; those of
+    other shapes, as where a file holds none, as they are."""
+    if forces is None or run.mortar is None or np.shape(forces) != (len(run.contacts), DOF):
         return forces
     forces = np.array(forces)
     forces[:, COLUMN["N"]] += run.mortar.pull
@@ -88,6 +90,8 @@ class ProvedAgain:
         checks = own.get(name) or Door("cvxlimit.checks").get(name)
         if checks:
             yield from checks(self)
+        elif name in TABLE and self.solution.status is Status.DEAD_LOAD_UNSTABLE:
+            yield self.falls()
         elif name in TABLE:
             yield Check("load factor", False, f"method {name!r} gives no bounds that could be")
         else:
@@ -125,8 +129,12 @@ class ProvedAgain:
 
     def _exact(self) -> Iterator[Check]:
         """The upper bound rests on a mechanism; the lower one on friction at points of contacts."""
-        yield from self.held_checks()
         whole, contacts, by = self.run.assemblage, self.run.contacts, self.by
+        if self.solution.status is Status.DEAD_LOAD_UNSTABLE:
+            fine = np.full(len(contacts), 8)  # cells across, whose bound is no wider than a solve's
+            yield self.falls(PointFriction(at_corners, fine))
+            return
+        yield from self.held_checks()
         outside = Certifier(whole, (Rocking(),), flow=ExactFlow(contacts))
         found: Bracket = outside.certificate(None, None, by.rates)
         points = self.solution.beside.get("points")
@@ -135,6 +143,11 @@ class ProvedAgain:
             inside = Certifier(whole, (Rocking(),), at_points)
             below = self.bracket_by(replace(points, forces=by.forces), inside)
             found = found.raised(below.lower, below.lower_is_proved)
+            # Around the exact limit: with what the exact flow rule leaves out, as reactions.
+            around = Certifier(whole, (Rocking(),), PointFriction(at_corners, points.cells))
+            around.refer_to(by.reference or Reference())
+            above = around.certificate(None, None, by.rates)
+            found = found.lowered(above.upper, above.upper_is_proved)
         yield from self.ends(found)
 
     def bracket_by(self, by: Evidence, certifier: Certifier | None = None) -> Bracket:
@@ -165,10 +178,13 @@ class ProvedAgain:
         elif self.solution.status in (Status.LIVE_LOAD_HARMLESS, Status.UNBOUNDED):
             yield without_limit(harmless(), self.run, self.solution)
 
-    def falls(self) -> Check:
-        """Rates on which the dead load does more work than contacts can take up."""
+    def falls(self, at_points: PointFriction | None = None) -> Check:
+        """Rates on which the dead load does more work than contacts can take up: by the surfaces
+        and the formulation, or with friction at points."""
         whole, dead = self.certifier, self.run.assemblage.statics.dead
-        alone = Certifier(whole.assemblage.alone(dead), whole.surfaces, self.run.formulation)
+        surfaces = whole.surfaces if at_points is None else (Rocking(),)
+        formulation = at_points or self.run.formulation
+        alone = Certifier(whole.assemblage.alone(dead), surfaces, formulation)
         # below 1 some of the dead load falls; where it is carried whole or not at all, 1/2 tells
         enough = 0.5 if alone.strength.is_cone else 1.0 - RESIDUAL
         upper = alone.certificate(None, None, self.by.rates).upper

@@ -47,6 +47,15 @@ def test_it_falls_and_is_drawn(
     assert float(rows[0].split(",")[3]) == 0.0
 
 
+def test_a_pulse_of_300_without_a_unit_is_asked_about(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("mujoco")
+    for unit, said in (([], "half-sine:300:0.1: the largest acceleration is 300 g, and"),
+                       (["--unit", "gal"], ""), (["--unit", "g"], "")):  # fmt: skip
+        assert cli.run(["shake", "single-block", "--pulse", "half-sine:300:0.1", *unit]) in (0, 4)
+        assert said in (err := capsys.readouterr().err)
+        assert bool(said) is ("in gal?" in err)
+
+
 def test_blocks_that_still_move_are_not_good_enough(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("mujoco")
     arguments = ["--pulse", "sine:0.46:1", "--after", "0.05"]

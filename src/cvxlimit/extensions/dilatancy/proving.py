@@ -21,6 +21,7 @@ from cvxlimit.methods.convex import ConvexSearch
 from cvxlimit.model.statics import DOF
 from cvxlimit.proof.checks import RESIDUAL, SLACK, Check, follows, proved, unseen
 from cvxlimit.proving.again import ProvedAgain, with_mortar
+from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import Evidence, rounded_down, rounded_up
 from cvxlimit.solution.records import APART, RESIDUALS
 from cvxlimit.solvers import LimitState, Outcome
@@ -29,6 +30,9 @@ from cvxlimit.solvers import LimitState, Outcome
 def checks(again: ProvedAgain) -> Iterator[Check]:
     """Every claim of solutions without dilatancy: each member, and the bracket of all."""
     solution, members = again.solution, again.solution.members
+    if again.solution.status is Status.DEAD_LOAD_UNSTABLE:
+        yield again.falls()
+        return
     if solution.load_factor is not None and not members:
         yield Check("load factor", False, "there is no solution that it is of")
     for i, member in enumerate(members):

@@ -92,8 +92,8 @@ class ShakeCommand(Command):
                 step=self.step, progress=tell,
             )  # fmt: skip
 
-        if record.doubt and self.record is not None:
-            complain(f"{self.record}: {record.doubt}")
+        if record.doubt and (self.pulse is None or self.unit is None):  # of pulses it is meant
+            complain(f"{self.record or self.pulse}: {record.doubt}")
         shaking = interruptible(shaken)
         write_rows(self.csv, shaking.to_dataframe())
         if self.plot is not None:

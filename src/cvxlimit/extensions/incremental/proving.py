@@ -12,12 +12,16 @@ from collections.abc import Iterator
 from cvxlimit.proof.checks import RESIDUAL, Check, proved
 from cvxlimit.proof.strength import Strength
 from cvxlimit.proving.again import ProvedAgain
+from cvxlimit.solution import Status
 from cvxlimit.surfaces import Rocking, Sliding
 
 
 def checks(again: ProvedAgain) -> Iterator[Check]:
     """Equilibrium, and friction and pressure of joints as they stand; torsion is held at points,
     whose friction no resultant shows."""
+    if again.solution.status is Status.DEAD_LOAD_UNSTABLE:
+        yield again.falls()
+        return
     yield from again.held_checks()
     forces = again.by.forces
     if forces is None or not again.is_finite:
