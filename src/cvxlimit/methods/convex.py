@@ -359,6 +359,7 @@ def standing(run: Run, model: str) -> ConvexSearch | None:
     held_by = search.aside.held_by_live_load()
     refuse_an_interval(held_by.factor)
     run.best, run.remarks = search.run.best, search.run.remarks
+    run.history += search.run.history
     if held_by.remark:
         run.remarks.append(held_by.remark)
     return None

@@ -15,7 +15,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cvxlimit import GRAVITY, Block, Load, Reaction, Scene, Status, Tie, builtin_scene, solve
+from cvxlimit import (
+    GRAVITY,
+    Block,
+    Load,
+    Reaction,
+    Scene,
+    Status,
+    Tie,
+    builtin_scene,
+    prove,
+    solve,
+)
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.scene.loads import combined
 from cvxlimit.studies import (
@@ -491,6 +502,23 @@ def test_progress_shows_the_gap() -> None:
     lines: list[str] = []
     load_domain(block(1.0, 0.5), tolerance=0.1, progress=lines.append)
     assert "gap" in lines[-1]
+
+
+def test_what_a_method_does_not_take_is_refused_before_it() -> None:
+    stack = builtin_scene("stack")
+    prop = Reaction("b1", tuple(stack.blocks[1].centroid), (-1, 0, 0), 0.2)
+    with pytest.raises(ModelError, match="method 'certified' knows no ties and no reactions"):
+        load_domain(replace(stack, reactions=(prop,)), method="certified")
+
+
+def test_a_fall_without_dilatancy_is_written_and_read(tmp_path: Path) -> None:
+    weak, file = builtin_scene("arch").with_strength(compressive=5.0), tmp_path / "domain.json"
+    domain = load_domain(weak, method="zero-dilatancy", path=file)
+    assert domain.status is Status.DEAD_LOAD_UNSTABLE
+    assert len(domain.to_dataframe())
+    proof = prove(file, weak)
+    assert proof.is_proved
+    assert f"the dead load cannot stand ({len(domain.supports)} times): proved" in str(proof)
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,9 @@ class DomainAgain:
                 else:
                     yield replace(check, found="")
         for kind, many in number.items():
-            yield Check(f"{many} {kind}{'s' * (many != 1)}", True)
+            is_sentence = kind.startswith("the ")  # as that of a dead load that cannot stand
+            counted = f"{many} {kind}{'s' * (many != 1)}"
+            yield Check(f"{kind} ({many} times)" if is_sentence else counted, True)
         # What follows from them, and what was not looked at.
         if domain.is_convex and not domain.is_empty:
             yield Check(f"gap of {domain.gap_said}", True, "by points and half-spaces")

@@ -40,7 +40,7 @@ from cvxlimit.extensions.studies.domains.polytopes import FLAT, Inner
 from cvxlimit.extensions.studies.domains.supports import Structure, Support
 from cvxlimit.extensions.studies.identity import check_version, digest, row_identity
 from cvxlimit.io.scenes import LOAD, scene_digest
-from cvxlimit.methods.solving import TABLE, MethodName, chosen, solve
+from cvxlimit.methods.solving import TABLE, MethodName, check, chosen, solve
 from cvxlimit.proof.certificate import Certifier
 from cvxlimit.readings.moments import Moments
 from cvxlimit.readings.named import MomentsName
@@ -85,7 +85,9 @@ class Study:
         surface, ladder, model = (self.options[n] for n in ("surface", "ladder", "model"))
         made = Structure(self.scene, self.loads, surface, ladder, model, self.tolerance)
         reading = {name: value for name, value in self.options.items() if name == "moments"}
-        flow = TABLE[self.method](**reading).flow(made.run.contacts)
+        asked = TABLE[self.method](**reading)
+        check(f"method {self.method!r}", made.run, asked.takes)
+        flow = asked.flow(made.run.contacts)
         if flow is not None:
             made.certifier = Certifier(made.run.assemblage, (Rocking(),), flow=flow)
         return made
