@@ -63,7 +63,7 @@ class Command(ABC):
     """
 
     names: ClassVar[Mapping[str, object]] = {}
-    """What is put in for {words} of the help."""
+    """What stands in the help for words in braces, as {pictures}."""
 
     verbose: bool = False
     quiet: bool = False
@@ -92,7 +92,10 @@ class Command(ABC):
 
 
 _SECTION = re.compile(r"\n*^(\w[\w ]*)\n-+\n", re.MULTILINE)
+"""A section's name, underlined."""
+
 _ENTRY = re.compile(r"^(\w+)(?:, (-\w))?(?: : (.+))?\n((?:    .+\n?)+)", re.MULTILINE)
+"""An entry ``name, -n : METAVAR`` with its indented help: name, short form, metavar and help."""
 
 
 def typer_command(kind: type[Command]) -> Callable[..., Job]:
@@ -115,7 +118,7 @@ def typer_command(kind: type[Command]) -> Callable[..., Job]:
         for group, text in zip(sections[::2], sections[1::2], strict=True):
             said |= {name: (group, *more) for name, *more in _ENTRY.findall(text)}
 
-    # A parameter for each field, those that all commands have last.
+    # A parameter for each field, with those that all commands have at the end.
     hints, parameters = get_type_hints(kind), []
     for field in sorted(fields(kind), key=lambda field: field.name in ("verbose", "quiet")):
         if field.name not in said:

@@ -26,8 +26,7 @@ COLUMN = {name: column for column, name in enumerate(COMPONENTS)}
 
 CARRIES = 1e-6
 """Resistances below this share of the largest contact force count as none: solvers leave 1e-9 to
-1e-8 of it in joints that carry nothing, and neither the moments over so little nor the share of so
-little mean anything."""
+1e-8 of it in joints that carry nothing, and a moment divided by so little means nothing."""
 
 _ONE_FOR_ALL = (*PROPERTIES, "lumped", "turned", "least", "most", "sense")
 """Arrays (n,) for which a single number may be given."""
@@ -46,8 +45,9 @@ class Contact:
     """One contact, for people to read; made by indexing :class:`Contacts`.
 
     ``corners`` (k, 3) are the polygon's corners, counter-clockwise about ``normal``, which
-    points from block ``a`` into block ``b``. ``sides`` are (l1, l2) of a rectangle along t1 and
-    t2, or None. Lengths in the scene's unit.
+    points from block ``a`` into block ``b``. ``t1`` and ``t2`` are unit vectors in its plane, and
+    ``origin`` is its centre. ``sides`` are (l1, l2) of a rectangle along t1 and t2, or None.
+    Lengths in the scene's unit.
     """
 
     name: str

@@ -93,20 +93,22 @@ class Run:
         What makes forces of the scene as it was given from those of :attr:`scene`; None without
         tensile strength and least reactions.
     surfaces : tuple of YieldSurface, surface : str
-        Asked for, and their name.
+        Those asked for, and the name that stands for all of them.
     moments : Moments
         How interaction adds moments.
     formulation : Formulation
     ladder : tuple of SolverSettings or None
-        Asked for; None leaves the choice to the method.
+        The solvers asked for, in their order; None leaves the choice to the method.
     verbose : bool
         Whether solvers' own logs are handed through.
     model : str
         How much model: one of :data:`~cvxlimit.reductions.choice.MODELS`.
     reductions : tuple of str
-        Those used.
+        Names of the reductions that the method used.
     clock : Clock
+        Seconds of this run, by phase.
     history : list of Iterate
+        A line for each solve, which :meth:`note` adds.
     best : Answer
         The best answer so far, which is returned if the run is interrupted.
     solvers : set of str, attempts : list of (SolverSettings, Outcome)

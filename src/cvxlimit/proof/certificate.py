@@ -93,15 +93,16 @@ _NO_LOWER, _NO_UPPER = _Bound(-np.inf), _Bound(np.inf)
 class Certifier:
     """Certifies forces and mechanisms of one scene under given surfaces.
 
-    Its reference states, ``references``, are sought when a bound needs them; who has some offers
-    them, and each is checked first.
+    Its reference states, ``references``, are sought when a bound needs them. States that are known
+    already can be offered, which saves the search; each is checked first.
 
     Parameters
     ----------
     scene : Scene or Assemblage
     surfaces : sequence of YieldSurface
     formulation : Formulation
-        If it states conditions of its own, states x are its internal forces.
+        Which forces are the unknowns. If it states conditions of its own, states x are its internal
+        forces.
     flow : ContactFlow or None
         Replaces the flow rule of the surfaces in upper bounds; its shortfall must be sublinear.
     width : float

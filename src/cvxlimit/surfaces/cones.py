@@ -2,7 +2,7 @@
 
 Each cone has a *gauge*, the size that it gives a vector v (the Euclidean norm for the circle); a
 *polar gauge*, the size of the rates that belong to such forces; and its *epigraph* as two small
-matrices, which no solver has to know more of:
+matrices, all that problems need to state it:
 
     gauge(v) <= t   where, for some w,   P (t, v, w) >= 0   and   Q (t, v, w) is in the cone of
                                                             vectors whose first entry is at least

@@ -35,9 +35,9 @@ _LABELLED = ("columns", "lines", "cones")
 class Members(NamedTuple):
     """What the columns, lines and cones of a block belong to.
 
-    ``contact`` (d,) are the contacts of the block's disjuncts, -1 for what is no contact's. The
-    others (2, k) say of each column, line and cone which call stated it (0 for the first one that
-    stated some, and so on), and which disjunct of the block it is of.
+    ``contact`` (d,) are the contacts of the block's disjuncts, -1 for those of no contact. The
+    others (2, k) say of each column, line and cone which call to the statement (:class:`Rows`)
+    made it, counted from 0 for each of the three, and which disjunct of the block it is of.
     """
 
     contact: IntArray
@@ -57,7 +57,7 @@ class ColumnBlock:
     counts : (columns,) array of int
         How many entries each column has.
     data : (entries,) array
-        The entries, column by column.
+        The values of the entries, column by column.
     rows, kind : (entries,) arrays of int
         Their rows, numbered within their kind and block: 0 for equations, 1 for lines, 2 for rows
         of cones.

@@ -26,7 +26,7 @@ class Raw:
     forces: FloatArray
     """Contact forces (n, 6) that carry the dead load with them, of a ray without the dead load."""
     given: FloatArray
-    """What proves them: internal forces where the formulation has such, else the forces."""
+    """What proves the factors: internal forces where the formulation has such, else the forces."""
     mechanism: FloatArray | None
     """Rates (free blocks, 6), None where there are none."""
     is_ray: bool
