@@ -137,8 +137,7 @@ class FixedPoint(Method):
             change = run.change(state)
             run.note(state, settings, change=change)
             if state.forces is None:
-                claims = state.outcome.claims_no_optimum
-                return Status.DIVERGED if claims else Status.SOLVER_FAILED
+                return Status.DIVERGED if state.outcome.claims_no_optimum else Status.SOLVER_FAILED
             # Eq. 42: its forces, with a share of the old ones
             beta = self.old_value_weight if number else 0.0
             blended = beta * blended + (1.0 - beta) * state.forces

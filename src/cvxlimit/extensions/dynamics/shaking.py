@@ -292,8 +292,7 @@ def shake(
     interval = 20 * longer if every is None else positive(every, "every")
     kept = max(1, round(interval / longer))  # of so many of the longer steps one is kept
     # Four runs of one model: long and short steps, each with soft and stiff contacts.
-    mujoco = needed("mujoco", "dynamics", "motions in time")
-    tell = heard_by(progress)
+    mujoco, tell = needed("mujoco", "dynamics", "motions in time"), heard_by(progress)
     histories = list[TimeHistory]()
     with _warnings_in_the_log(mujoco):
         model = mujoco.MjModel.from_xml_string(mjcf(scene, g))

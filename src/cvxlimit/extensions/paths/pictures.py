@@ -55,17 +55,16 @@ def curve(path: Path, **options: Any) -> Any:
         chart.axes.plot(*at, "x", color=Style.red, ms=7, label="cohesion or tie gone from there on")
     # The same path with half the step, where it was followed twice to see what steps change. Of
     # several lines of a kind the first has an entry in the legend: Matplotlib leaves out "_".
-    half, other = path.halved, path.other_flow
-    if half is not None:
+    if path.halved is not None:
         label = "with half the step"
-        for start, stop in half.pieces:
-            x, y = half.displacement[start:stop], _heights(half)[start:stop]
+        for start, stop in path.halved.pieces:
+            x, y = path.halved.displacement[start:stop], _heights(path.halved)[start:stop]
             chart.axes.plot(x, y, color=Style.amber, lw=0.9, label=label)
             label = "_"
     # What the other flow rule says, and where blocks are followed instead of being at rest.
-    if other is not None:
-        label = f"{other.flow}, where blocks are followed"
-        x, y = other.displacement, _heights(other)
+    if path.other_flow is not None:
+        label = f"{path.other_flow.flow}, where blocks are followed"
+        x, y = path.other_flow.displacement, _heights(path.other_flow)
         chart.axes.plot(x, y, color=Style.amber, ls="--", lw=0.9, label=label)
     followed = [i for i, each in enumerate(path) if each.is_followed]
     if followed:
