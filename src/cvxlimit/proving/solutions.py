@@ -86,8 +86,9 @@ def solution_checks(
     again = ProvedAgain(said, Run(given, meant, formulation=formulation), moments)
     checks = [*again.checks(), *derived_checks(said, again.made())]
     if said is not solution:
-        checks = [c if c.is_met and c.kind != "proved" else replace(c, claim=f"push, {c.claim}")
-                  for c in checks]  # fmt: skip
+        for i, check in enumerate(checks):
+            if check.kind == "proved" or not check.is_met:
+                checks[i] = replace(check, claim=f"push, {check.claim}")
         checks.append(unseen("mechanism", "along it the reaction is meant"))
     return checks
 

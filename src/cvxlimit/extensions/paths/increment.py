@@ -89,9 +89,11 @@ def point_forces(
     parts = [Part("n", {"N": 1}, each, nonneg=not is_stated), Part("v1", {"V1": scale}, each),
              Part("v2", {"V2": scale}, each)]  # fmt: skip
     most: dict[str, Any] = {"n": 1.0} if held is None else {CONSTANT: held}
-    if (bound := contacts.cohesion > 0.0).any():
-        share = np.where(contacts.friction > 0.0, 1.0, ~bound)
-        own = np.where(bound, contacts.cohesion * contacts.area / np.where(bound, scale, 1.0), 0.0)
+    glued = contacts.cohesion > 0.0
+    if glued.any():
+        # Of cohesion without friction v is a force, which does not grow with n.
+        share = np.where(contacts.friction > 0.0, 1.0, ~glued)
+        own = np.where(glued, contacts.cohesion * contacts.area / np.where(glued, scale, 1.0), 0.0)
         most = {"n": share, CONSTANT: own} if held is None else {CONSTANT: held * share + own}
     return ForceModel(contacts, parts, [Condition([Norm({"v1": 1}, {"v2": 1})], most, each)])
 

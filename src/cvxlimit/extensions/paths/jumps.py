@@ -1,8 +1,8 @@
 """Jumps between two configurations of a path: where they may be, and between which w they are.
 
-Where no equilibrium follows near by the structure jumps to one farther off. The iterates of a step
-lead there without a word, so that a jump shows by how far blocks have moved, and by the work: the
-dead load has not risen by what the load factors at both ends stand for.
+Where no equilibrium follows near by, the structure jumps to one farther off. The iterates of a step
+find that one as they find any other, so that a jump shows by how far blocks have moved, and by the
+work: the dead load has not risen by what the load factors at both ends stand for.
 """
 
 from __future__ import annotations

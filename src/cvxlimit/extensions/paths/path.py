@@ -320,17 +320,17 @@ class Path:
     def ends_like(self, other: Path) -> bool:
         """Whether another run ends as this one: both slide away, or carry nothing any more, or stop
         for the same reason; one that falls carries nothing where the other one comes to zero."""
-        kinds = list[str]()
-        for run in (self, other):
-            if run.slides_away:
-                kinds.append("slides")
-            elif run.load_factor[run._last] <= run.until + run.zero:
-                kinds.append("zero")
-            else:
-                kinds.append(run.status)
         ends = self.displacement[self._last], other.displacement[other._last]
         is_near = abs(ends[1] - ends[0]) <= LEVEL * abs(ends[0])
-        return kinds[0] == kinds[1] or ({*kinds} == {"zero", "falls"} and bool(is_near))
+        one, two = self._kind_of_end, other._kind_of_end
+        return one == two or ({one, two} == {"zero", "falls"} and bool(is_near))
+
+    @property
+    def _kind_of_end(self) -> str:
+        """Whether it slides away, or carries nothing any more, or else its status."""
+        if self.slides_away:
+            return "slides"
+        return "zero" if self.load_factor[self._last] <= self.until + self.zero else self.status
 
     @property
     def followed(self) -> str:
