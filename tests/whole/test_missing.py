@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 import cvxlimit
-from cvxlimit import Block, Load, Scene, solve
+from cvxlimit import Block, Load, Scene, prove, solve
 from cvxlimit.base import doors
 from cvxlimit.base.doors import Door
 from cvxlimit.cli.main import run
@@ -130,6 +131,21 @@ def test_the_error_is_caught_by_who_caught_it_before(monkeypatch: pytest.MonkeyP
     assert (str(again), again.extension) == (str(caught.value), "curious")
     assert Door("cvxlimit.methods").get("exotic") is None
     assert "exotic" not in Door("cvxlimit.methods")
+
+
+def test_options_pictures_and_proofs_of_what_is_left_out(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Said of the method, also where its options or a result of it come first."""
+    for group in ("methods", "pictures"):
+        monkeypatch.setitem(doors._ABSENT, (f"cvxlimit.{group}", "exotic"), "curious")
+    for words in ("--method exotic --searches 1", "--plot exotic:a.png"):
+        assert run(["solve", "single-block", *words.split()]) == 2
+        assert re.search(rf"'exotic' {SENTENCE}", capsys.readouterr().err)
+    with pytest.raises(MissingExtension, match="method 'exotic'"):
+        prove(replace(solve(scene(90.0)), flow="exotic"))
+    assert run(["solve", "single-block", "--searches", "1", "--ratio", "0.1"]) == 2
+    assert "no method here takes --searches and --ratio" in capsys.readouterr().err
 
 
 @pytest.fixture

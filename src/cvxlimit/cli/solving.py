@@ -99,6 +99,7 @@ class Files:
             if not (colon and kind.isidentifier() and len(kind) > 1):  # C:wall.png is a file
                 kind, name = "mechanism", text
             elif kind not in PICTURES_OF:
+                Door("cvxlimit.pictures").check(kind)  # of an extension that is not here
                 hint = meant(kind, PICTURES_OF, f"there are {', '.join(PICTURES_OF)}")
                 raise InputError(f"--plot {text}: there is no picture {kind!r}; {hint}")
             found.append((kind, Path(name)))
@@ -311,13 +312,15 @@ class SolveCommand(Command):
 
     def _taking(self, chosen: Collection[str]) -> str:
         """The method asked for, which must have all settings that were chosen."""
+        Door("cvxlimit.methods").check(str(self.method))  # of an extension that is not here
         fit = [x for x in TABLE if all(hasattr(TABLE[x], name) for name in chosen)]
         if self.method in fit:
             return str(self.method)
         options = [f"--{name.removeprefix('max_')}" for name in chosen]
         verb = "goes" if len(options) == 1 else "go"
         if not fit:
-            raise ModelError(f"{' and '.join(options)} do not go together")
+            one = "it" if len(options) == 1 else "one of them"
+            raise ModelError(f"no method here takes {' and '.join(options)}: leave {one} out")
         raise ModelError(f"{' and '.join(options)} {verb} with --method {' or '.join(fit)}")
 
 

@@ -95,6 +95,7 @@ class ProvedAgain:
         elif name in TABLE:
             yield Check("load factor", False, f"method {name!r} gives no bounds that could be")
         else:
+            Door("cvxlimit.methods").check(name)  # of an extension that is not here
             yield Check(f"method {name!r}", False, f"it is none of {', '.join(TABLE)}")
 
     def _plain(self) -> Iterator[Check]:
