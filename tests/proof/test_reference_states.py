@@ -283,11 +283,8 @@ class TestAssumptions:
         certifier = Certifier(scene, SURFACES)
         c = certifier.certificate(factor * state.forces, 5.0, None)
         assert (c.lower, c.lower_is_proved) == (-np.inf, False)
-        assembled = certifier.assemblage
-        assert (
-            carried_exactly(assembled, lambda a: Strength(a, SURFACES), factor * state.forces)
-            is None
-        )
+        strength = Strength(certifier.assemblage, SURFACES)
+        assert carried_exactly(strength, factor * state.forces) is None
 
     def test_a_wedge_that_needs_huge_thrust_falls_on_an_assumption(self) -> None:
         """Its taper is 1e-7 steeper than friction: it would stand on 5e7 times its weight."""

@@ -25,7 +25,7 @@ from cvxlimit import (
 )
 from cvxlimit.errors import InputError
 from cvxlimit.io import result_from_dict
-from cvxlimit.masonry import panel, stack
+from cvxlimit.masonry import panel, random_wall, stack
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.proof.checks import SLACK
 from cvxlimit.solution.bracket import Bracket
@@ -299,6 +299,17 @@ def test_a_fall_is_proved_whatever_the_method(method: str) -> None:
         assert "the dead load cannot stand: proved (by the mechanism)" in str(proof)
         rates = {key: -np.array(value) for key, value in held.mechanism.items()}
         assert not prove(replace(held, mechanism=rates), scene).is_proved
+
+
+@pytest.mark.parametrize("seed", [4, pytest.param(22, marks=pytest.mark.exhaustive)])
+def test_no_limit_of_the_exact_limit_is_proved(seed: int) -> None:
+    """Some contacts carry the live load, each with cells of its own; had been an internal error."""
+    scene = random_wall(seed)
+    found = solve(scene, method="exact")
+    assert found.status is Status.UNBOUNDED
+    assert prove(read(found), scene).is_proved
+    tilted = found.forces + 1e-3 * np.abs(found.forces).max()
+    assert not prove(replace(found, forces=tilted)).is_proved
 
 
 def test_the_upper_bound_of_the_exact_limit_counts_reactions_and_mortar() -> None:

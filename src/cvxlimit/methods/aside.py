@@ -242,8 +242,8 @@ class Aside:
             carrying = self.certifier.given(state)
             if carrying is not None and state.load_factor and state.load_factor > 0.5:
                 with run.clock.phase("certify"):
-                    strength_of = partial(Strength, surfaces=surfaces, formulation=formulation)
-                    forces = carried_exactly(loaded, strength_of, carrying / state.load_factor)
+                    strength = Strength(loaded, surfaces, formulation)
+                    forces = carried_exactly(strength, carrying / state.load_factor)
                 if forces is not None:
                     return forces
             elif certificate().upper < 0.5:

@@ -11,9 +11,11 @@ from cvxlimit.base.arrays import FloatArray, IntArray
 from cvxlimit.base.checks import count, ratio
 from cvxlimit.geometry.contacts import COLUMN, Contacts
 from cvxlimit.methods.answer import Answer
+from cvxlimit.methods.aside import Aside
 from cvxlimit.methods.convex import Convex
 from cvxlimit.methods.driver import Method, Run, Steps
 from cvxlimit.methods.standing import refuse_an_interval
+from cvxlimit.model.formulations import corner_compressions
 from cvxlimit.model.point_friction import PointFriction
 from cvxlimit.model.points import Placing, at_centroids, at_corners
 from cvxlimit.proof.certificate import Certifier
@@ -22,6 +24,7 @@ from cvxlimit.proof.strength import ContactFlow
 from cvxlimit.solution import Status
 from cvxlimit.solution.bracket import Bracket, Evidence
 from cvxlimit.surfaces import Rocking
+from cvxlimit.surfaces.coulomb import DEFAULT_SURFACES
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ class ExactFriction(Method):
             run.remarks = sorted({*below.remarks, *above.remarks})
             if not inner.has_answer and inner is outer:
                 run.best = (above if inner is Status.DEAD_LOAD_UNSTABLE else below).best
+                if inner is Status.UNBOUNDED and (forces := _within_the_line(run)) is not None:
+                    run.best = replace(run.best, forces=forces)
                 return inner
             cells = f"{divisions.min()} to {divisions.max()} cells across a contact"
             run.remarks = [*run.remarks, cells]
@@ -111,6 +116,15 @@ class ExactFriction(Method):
             kept = {"upper": None} if is_inside else {"lower": None}
             run.history.append(replace(iterate, solver=side, **kept))  # type: ignore[arg-type]
         return status, auxiliary
+
+
+def _within_the_line(run: Run) -> FloatArray | None:
+    """Forces (n, 6) that carry the live load alone within the line of Eq. 24, inside the exact
+    limit: anyone can check them, where those at points are lost with the points. None without."""
+    aside = run.auxiliary_run()
+    aside.surfaces, aside.formulation = DEFAULT_SURFACES, corner_compressions
+    linear = Aside(aside, "full")
+    return linear.carrying(run.assemblage.statics.live, *linear.certifier.strength.recession())
 
 
 def _lowered(above: Answer, certifier: Certifier) -> Bracket:

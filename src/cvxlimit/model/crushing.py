@@ -282,6 +282,13 @@ class PlasticField:
         return with_field(model, weak, self.placing, np.full(len(contacts), self.divisions))
 
 
+def formulation_of(formulation: Formulation, contacts: IntArray) -> Formulation:
+    """Returns the formulation of these ``contacts`` (k,) only: one that holds a figure for each
+    contact has a method ``of`` that says it; others state any contacts."""
+    of = getattr(formulation, "of", None)
+    return formulation if of is None else of(contacts)
+
+
 def recession_of(formulation: Formulation) -> Formulation:
     """Returns the formulation without the constants of its conditions: in which directions forces
     may grow."""
@@ -291,4 +298,5 @@ def recession_of(formulation: Formulation) -> Formulation:
         return replace(model, conditions=[c.recession() for c in model.conditions])
 
     recession.sees_to_strength = True  # type: ignore[attr-defined]
+    recession.of = lambda rows: recession_of(formulation_of(formulation, rows))  # type: ignore[attr-defined]
     return recession

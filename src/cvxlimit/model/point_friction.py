@@ -41,6 +41,11 @@ class PointFriction:
         if np.min(self.divisions) < 1:
             raise ModelError(f"divisions must be at least 1, got {self.divisions!r}")
 
+    def of(self, contacts: IntArray) -> PointFriction:
+        """Returns the formulation of these ``contacts`` (k,) only."""
+        divisions = np.asarray(self.divisions)
+        return replace(self, divisions=divisions[contacts]) if divisions.ndim else self
+
     def points(self, contacts: Contacts) -> Points:
         count = np.broadcast_to(np.asarray(self.divisions, dtype=int), (len(contacts),))
         faces = contacts.faces

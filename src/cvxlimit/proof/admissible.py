@@ -33,19 +33,18 @@ walls and rows of boxes with some blocks pressed down."""
 
 
 def carried_exactly(
-    assemblage: Assemblage,
-    strength_of: Callable[[Assemblage], Strength],
+    whole: Strength,
     state: FloatArray,
     most: float = ON_BOUNDARY,
     others: Callable[[Assemblage], Iterable[FloatArray]] = lambda part: (),
 ) -> FloatArray | None:
-    """Returns contact forces (n, 6) near ``state`` that carry the dead load of ``assemblage``, in
+    """Returns contact forces (n, 6) near ``state`` that carry the dead load of an assemblage, in
     equilibrium to rounding; None if none are found.
 
     Parameters
     ----------
-    strength_of : function of an assemblage
-        Makes the strength of the assemblage or of a part of it.
+    whole : Strength
+        That of the assemblage.
     state : (n, 6) or (p,)
         Nearly exact forces: contact forces, or internal ones as the strength has them.
     most : float
@@ -53,10 +52,9 @@ def carried_exactly(
     others : function of an assemblage
         Yields further states of the part that carries, tried after the balanced one.
     """
-    whole = strength_of(assemblage)
     if whole.state(state) is None:
         return None
-    length = whole.contacts.typical_size
+    assemblage, length = whole.assemblage, whole.contacts.typical_size
     contact_of_row = whole.model.contact if whole.is_internal else np.arange(len(whole.contacts))
     is_loaded = np.any(assemblage.statics.dead.reshape(-1, DOF), axis=1)
     for carrying in _carrying_contacts(block_sizes(whole.forces(state), length)):
@@ -64,7 +62,7 @@ def carried_exactly(
         part = assemblage if is_whole else with_contacts(assemblage, carrying, is_loaded)
         if not part.balance.is_supported:
             continue
-        strength = strength_of(part)
+        strength = whole if is_whole else whole.of(part, carrying)
         rows = np.isin(contact_of_row, carrying)
         balanced = strength.balanced(state[rows], 0.0, part.statics)
         for candidate in chain([balanced], others(part)):

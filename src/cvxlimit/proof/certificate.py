@@ -54,6 +54,7 @@ from numpy.typing import ArrayLike
 from cvxlimit.base.arrays import EPSILON, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.model.assemblage import Assemblage
+from cvxlimit.model.crushing import formulation_of
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import BALANCED, DOF, block_sizes
 from cvxlimit.proof.checks import SLACK
@@ -372,9 +373,12 @@ class Certifier:
     def _of_part(self, part: Assemblage, contacts: IntArray | None = None) -> Certifier | None:
         """Returns a certifier of a part of the assemblage, with these ``contacts`` (k,) of it; None
         if the surfaces cannot be stated there."""
-        flow = None if self._flow is None or contacts is None else self._flow.of(contacts)
+        flow, formulation = None, self.formulation
+        if contacts is not None:
+            flow = None if self._flow is None else self._flow.of(contacts)
+            formulation = formulation_of(formulation, contacts)
         try:
-            result = Certifier(part, self.surfaces, self.formulation, flow)
+            result = Certifier(part, self.surfaces, formulation, flow)
         except (ModelError, ValueError):
             return None
         result.size, result._can_reduce = self.size, False

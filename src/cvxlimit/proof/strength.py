@@ -33,7 +33,13 @@ from cvxlimit.base.arrays import BoolArray, FloatArray, IntArray
 from cvxlimit.errors import ModelError
 from cvxlimit.geometry.contacts import COLUMN, COMPONENTS
 from cvxlimit.model.assemblage import Assemblage, Balance
-from cvxlimit.model.crushing import EffectiveRectangles, is_weak, model_of, recession_of
+from cvxlimit.model.crushing import (
+    EffectiveRectangles,
+    formulation_of,
+    is_weak,
+    model_of,
+    recession_of,
+)
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import SMALLEST, Statics
 from cvxlimit.proof.flow import FlowRule, Shortfall
@@ -110,6 +116,10 @@ class Strength:
         self.surfaces = with_bounds((Rocking(), *others), self.contacts)
         self.flow: Flow = FlowRule(surfaces, self.model) if flow is None else flow
         self._idle = np.array([], dtype=int)
+
+    def of(self, part: Assemblage, contacts: IntArray) -> Strength:
+        """Returns the strength of a part of the assemblage, with these ``contacts`` (k,) of it."""
+        return Strength(part, self.surfaces, formulation_of(self.formulation, contacts))
 
     # Admissible forces
 

@@ -34,8 +34,8 @@ def carrying_forces(
     loaded = run.assemblage.under(load, load)
     for forces in _candidates(run, load, ladder):
         with run.clock.phase("certify"):
-            strength = partial(TrueStrength, moments=run.moments)
-            exact = carried_exactly(loaded, strength, forces, INSIDE, central_states)
+            strength = TrueStrength(loaded, run.moments)
+            exact = carried_exactly(strength, forces, INSIDE, central_states)
         if exact is not None:
             return exact
     return None

@@ -171,6 +171,9 @@ class TrueStrength(Strength):
         super().__init__(assemblage, DEFAULT_SURFACES)
         self.moments = moments
 
+    def of(self, part: Assemblage, contacts: IntArray) -> TrueStrength:
+        return TrueStrength(part, self.moments)
+
     @cached_property
     def balance(self) -> Balance:
         """That of the surfaces without interaction: what resists nothing there does so here."""

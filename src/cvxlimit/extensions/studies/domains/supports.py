@@ -345,11 +345,8 @@ class Structure:
     def _ray(self, raw: Raw) -> FloatArray | None:
         load = self.forces @ raw.factors
         surfaces, formulation = self.certifier.strength.recession()
-        exact = carried_exactly(
-            self.assemblage.under(load, load),
-            lambda reached: Strength(reached, surfaces, formulation),
-            raw.given,
-        )
+        strength = Strength(self.assemblage.under(load, load), surfaces, formulation)
+        exact = carried_exactly(strength, raw.given)
         return None if exact is None else raw.factors / np.abs(raw.factors).max()
 
     def half_space(self, raw: Raw) -> tuple[FloatArray, float, bool]:
