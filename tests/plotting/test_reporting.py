@@ -351,6 +351,7 @@ def test_a_reaction_and_what_has_no_answer() -> None:
     scene = Scene([*piers, beam], ["p0", "p1"], Load(acceleration=(1, 0, 0)))
     words = Read(settlement(scene, "p1", (0, 0, -1)).solution.report()).words
     assert re.search(r"least reaction of p1 +0\.750+ kN", words)
+    assert re.search(r"support p1 +moves by \(0, 0, -1\)", words)
     assert "live load" not in words
     leaning = [*piers[:1], Block.box("beam", (0, 0, 0), (1, 1, 0.2), density=10.0)]
     falls = solve(Scene(leaning, ["p0"], Load(acceleration=(1, 0, 0))))

@@ -199,6 +199,9 @@ def mechanism(scene: Scene, solution: Solution) -> Rows:
     power = float(scene.live_forces.ravel() @ moving.rates[free].ravel())
     is_balanced = power > 0.0 and solution.quantity == LOAD_FACTOR and not solution.from_rest
     rates = moving.rates / power if is_balanced else moving.rates
+    for i, block in enumerate(scene.blocks):
+        if block.id in scene.supports and np.any(rates[i]):  # along it the reaction is meant
+            yield f"support {block.id}", _moves(scene, i, rates)
     acting = {"dead load": scene.dead_forces}
     if solution.quantity == LOAD_FACTOR:
         acting["live load"] = scene.live_forces
