@@ -357,6 +357,11 @@ def test_pictures_by_name(arch: Solution, tmp_path) -> None:
         arch.plot("thrusts")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"'arch.doc': give a name that ends in .png or .svg"):
         arch.plot("forces", tmp_path / "arch.doc")
+    assert arch.plot("mechanism", tmp_path / "falls.html").stat().st_size > 10_000
+    for kind, suffix in (("forces", "html"), ("thrust", "vtu"), ("animation", "html")):
+        with pytest.raises(InputError, match=rf"'other.{suffix}': give a name that ends in"):
+            arch.plot(kind, tmp_path / f"other.{suffix}")  # not the mechanism in its place
+    assert not [*tmp_path.glob("other*")]
 
 
 @pytest.mark.parametrize("kind", KINDS)

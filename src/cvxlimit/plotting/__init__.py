@@ -66,7 +66,7 @@ def picture_of(
     solution: Solution, kind: str, path: str | os.PathLike[str] | None = None, **options: Any
 ) -> Any:
     """The picture of a solution by its kind, or its file; see :meth:`Solution.plot`."""
-    is_mechanism = kind in PICTURES and kind != "page" and not options
+    is_mechanism = kind == "mechanism" and not options  # which has files of more kinds
     if is_mechanism and path is not None and Path(path).suffix.lower() in (".html", ".vtu"):
         return plot(solution.scene, solution, path)[0]
     return of_kind("a solution", PICTURES, kind, solution, path, options)

@@ -428,7 +428,7 @@ class Solution:
             :data:`cvxlimit.plotting.PICTURES`, one's own among them.
         path : path or None
             With one, a file is written, and its path returned: ``.png``, ``.svg`` or ``.pdf``;
-            ``.gif`` or ``.mp4``; ``.html`` for pages.
+            ``.gif`` or ``.mp4``; ``.html`` for pages. The mechanism has ``.html`` and ``.vtu``.
         options
             Of the function of that name in :mod:`cvxlimit.plotting`, as ``viewer=(1, -1, 0.5)``.
 
