@@ -62,7 +62,8 @@ def _plain(value: Any) -> Any:
 class Store:
     """A folder with the rows of one sweep; ``about`` says of which, and another's is refused.
 
-    Several processes may start it and add to it at once.
+    Several processes may start it and add to it at once. ``rows`` has what the folder held when
+    this one began, by identity.
     """
 
     def __init__(self, path: str | os.PathLike[str], about: Mapping[str, Any]) -> None:
@@ -104,17 +105,24 @@ class Store:
                 )
 
     def add(self, key: str, variation: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
-        """Keeps a row, with the text of its proof, which is on disk within a second or so; returns
-        it, or the one of its identity that is stored already. It is from now on the last one of its
-        variation."""
+        """Keeps a row, with the text of its proof, as the last one of its variation; returns it,
+        or the one of its identity that the folder held when the store was begun (``rows``), which
+        is stored again only where another row of its variation came after it.
+
+        What waits is written with the first row that comes more than a second after the last file,
+        a file taking 5 ms; who adds no more has to :meth:`flush`.
+        """
         identity = row[IDENTITY]
         is_last = self._last.get(key) == identity
         self._last[key] = identity
         kept = self.rows.get(identity)
         if kept is None or not is_last:
             found = dict(row if kept is None else kept)
-            self._waiting.append({KEY: key, **variation} | found | {**variation, KEY: key})
-            if time.monotonic() - self._written > 1.0:  # a file takes 5 ms
+            # The variation's own parameters come first, and count: a row that is known by its
+            # identity may be that of another variation.
+            own = {KEY: key, **variation}
+            self._waiting.append(own | found | own)
+            if time.monotonic() - self._written > 1.0:
                 self.flush()
         return dict(row) if kept is None else kept
 

@@ -190,7 +190,10 @@ class Search:
             rates = np.array(list(solution.mechanism.values()))
             factors = direction * (solution.load_factor or 0.0)
             forces = np.zeros(1) if solution.forces is None else solution.forces
-            raw = Raw(direction, factors, forces, forces, rates, False, solution.history[-1])
+            raw = Raw(
+                direction, factors, forces=forces, given=forces, mechanism=rates, is_ray=False,
+                iterate=solution.history[-1],
+            )  # fmt: skip
             normal, offset, is_proved = structure.half_space(raw)
         ends = [(solution.lower, solution.bracket.lower_is_proved)]
         if solution.members:
@@ -198,8 +201,9 @@ class Search:
         for lower, holds in ends:
             point = lower * direction * units if np.isfinite(lower) else None
             yield Support(
-                direction * units, point, None, normal / units, offset, holds, is_proved,
-                False, direction * units, solution,
+                direction * units, point, ray=None, normal=normal / units, offset=offset,
+                point_is_proved=holds, half_space_is_proved=is_proved,
+                loaded=direction * units, solution=solution,
             )  # fmt: skip
 
     def refer(self) -> None:
@@ -259,9 +263,9 @@ class Search:
 
         On an ellipse whose tangents meet at an angle, the gap is the square of a sine: so many
         pieces as the angle has of the one that the tolerance allows are needed. An odd number is
-        cut unevenly, by the tangent in between, so that none is much below the tolerance in the end
-        (130 solves where halving takes 141, on five scenes at 1 %). An even one is halved by the
-        normal of the hull's facet beneath, which touches where the corner is farthest off.
+        cut unevenly, by the tangent in between, into whole pieces: halves would take one more, and
+        end below the tolerance. An even one is halved by the normal of the hull's facet beneath,
+        which touches where the corner is farthest off.
         """
         if self.study.method != "convex":
             yield corner / np.linalg.norm(corner)
