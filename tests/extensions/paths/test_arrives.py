@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cvxlimit import Block, Load, Path, Scene, pushover
-from cvxlimit.extensions.paths.path import LEVEL_FOR
+from cvxlimit.extensions.paths.following import LEVEL_FOR
 from cvxlimit.masonry import arch, arch_on_piers, barrel_vault, dome, panel, random_wall
 from displaced import imbalance
 from exhaustive import slow

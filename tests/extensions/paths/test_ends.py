@@ -18,8 +18,8 @@ from cvxlimit import Block, Load, Path, Scene, code_check, prove, pushover, solv
 from cvxlimit.cli import main as cli
 from cvxlimit.errors import InputError
 from cvxlimit.extensions.paths.configuration import Configuration
-from cvxlimit.extensions.paths.path import WITHIN
 from cvxlimit.extensions.paths.resting import FAR, REACH, Rest
+from cvxlimit.extensions.paths.wording import WITHIN
 from cvxlimit.io import read_path, write_scene
 from cvxlimit.masonry import arch
 from cvxlimit.scene.reactions import Tie

@@ -30,7 +30,7 @@ from cvxlimit.extensions.paths.configuration import Configuration, Flow, Points
 from cvxlimit.extensions.paths.increment import Ahead
 from cvxlimit.extensions.paths.jumps import JUMP, jump_between, may_have_jumped, work_beside
 from cvxlimit.extensions.paths.pairs import CLOSED, Pose
-from cvxlimit.extensions.paths.path import LEVEL_FOR, SLIDING, ZERO, Ending, Path, Work
+from cvxlimit.extensions.paths.path import SLIDING, ZERO, Ending, Path, Work
 from cvxlimit.extensions.paths.proof import bracket_of
 from cvxlimit.extensions.paths.resting import LEFT, At, Failed, Rest
 from cvxlimit.extensions.paths.supports import SupportLoads, falling
@@ -43,6 +43,8 @@ FINEST = 1e-3
 
 MOST = 400
 """Configurations after the first that a path may have."""
+
+LEVEL_FOR = "joints slide at a level load factor for as far as contacts reach"
 
 _FIRST = 40
 """Steps over the contact size, where no step is given, with which a path begins."""

@@ -45,13 +45,6 @@ while joints slide by more than they turn. What rocks falls by a tenth of its lo
 tenth of the way; what slides without turning keeps it until a support ends."""
 
 
-WITHIN = 0.02
-"""What half the step may change of a load factor, over the first one: a fiftieth, which no check of
-a displacement notices."""
-
-LEVEL_FOR = "joints slide at a level load factor for as far as contacts reach"
-
-
 class PathUnits(NamedTuple):
     """Units of w, of the displacement and of the load factor: none, or that of a push."""
 
@@ -309,19 +302,20 @@ class Path:
     @cached_property
     def sliding_joints(self) -> dict[str, float]:
         """How far joints have slid in all, by both blocks' names, the farthest first; without those
-        that have slid less than a tenth as far as that."""
+        that have slid less than a tenth as far as that, which sentences have no room for."""
         found: dict[str, float] = {}
         for step in self.in_joints:
             for name, (far, _) in step.items():
                 found[name] = found.get(name, 0.0) + far
         order = sorted(found, key=lambda name: -found[name])
-        return {name: found[name] for name in order if found[name] > LEVEL * found[order[0]] > 0.0}
+        return {name: found[name] for name in order if found[name] > 0.1 * found[order[0]] > 0.0}
 
     def ends_like(self, other: Path) -> bool:
         """Whether another run ends as this one: both slide away, or carry nothing any more, or stop
-        for the same reason; one that falls carries nothing where the other one comes to zero."""
+        for the same reason; one that falls carries nothing where the other one comes to zero, to a
+        tenth of the way: the load factor may drop to zero in the last of its steps."""
         ends = self.displacement[self._last], other.displacement[other._last]
-        is_near = abs(ends[1] - ends[0]) <= LEVEL * abs(ends[0])
+        is_near = abs(ends[1] - ends[0]) <= 0.1 * abs(ends[0])
         one, two = self._kind_of_end, other._kind_of_end
         return one == two or ({one, two} == {"zero", "falls"} and bool(is_near))
 

@@ -30,11 +30,11 @@ import scipy.sparse as sp
 
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.extensions.paths.configuration import Points
-from cvxlimit.extensions.paths.following import FINEST, MOST, Walk
+from cvxlimit.extensions.paths.following import FINEST, LEVEL_FOR, MOST, Walk
 from cvxlimit.extensions.paths.increment import Ahead, Increment
 from cvxlimit.extensions.paths.jumps import JUMP
 from cvxlimit.extensions.paths.pairs import Pose
-from cvxlimit.extensions.paths.path import LEVEL_FOR, Ending
+from cvxlimit.extensions.paths.path import Ending
 from cvxlimit.extensions.paths.resting import FARTHEST, REACH, At
 from cvxlimit.model.sinks import Form, Rows
 from cvxlimit.model.statics import DOF

@@ -22,12 +22,13 @@ from cvxlimit.base.progressbar import Progress, heard_by
 from cvxlimit.errors import InputError, ModelError, NoAnswerError
 from cvxlimit.extensions.paths.configuration import Flow
 from cvxlimit.extensions.paths.notes import GIVEN, LEVEL_ON, TURNED, at_rest, beginning
-from cvxlimit.extensions.paths.path import WITHIN, Path, other_than
+from cvxlimit.extensions.paths.path import Path, other_than
 from cvxlimit.extensions.paths.refusing import no_path, refuse, stands
 from cvxlimit.extensions.paths.resting import REACH, Rest
 from cvxlimit.extensions.paths.runs import Task, halved, run
 from cvxlimit.extensions.paths.starting import for_path, with_resultants
 from cvxlimit.extensions.paths.supports import guided
+from cvxlimit.extensions.paths.wording import WITHIN
 from cvxlimit.methods.settlement import settlement
 from cvxlimit.methods.solving import solve
 from cvxlimit.results.movement import checked_control

@@ -14,9 +14,9 @@ import numpy as np
 from cvxlimit.base.arrays import FloatArray
 from cvxlimit.errors import InputError, NoAnswerError
 from cvxlimit.extensions.paths.configuration import Flow
-from cvxlimit.extensions.paths.following import Walk
+from cvxlimit.extensions.paths.following import LEVEL_FOR, Walk
 from cvxlimit.extensions.paths.notes import BETWEEN, halving, of_walk
-from cvxlimit.extensions.paths.path import LEVEL_FOR, Ending, Path
+from cvxlimit.extensions.paths.path import Ending, Path
 from cvxlimit.extensions.paths.proximal import go_on
 from cvxlimit.scene import Scene
 from cvxlimit.scene.settling import SupportMotion

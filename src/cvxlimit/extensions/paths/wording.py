@@ -6,8 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from cvxlimit.extensions.paths.path import WITHIN, Path
+from cvxlimit.extensions.paths.path import Path
 from cvxlimit.solution.bracket import rounded_down, rounded_up
+
+WITHIN = 0.02
+"""What half the step may change of a load factor, over the first one: a fiftieth, which no check of
+a displacement notices. More is said."""
 
 PROVES = "a bracket proves what its configuration carries, not that the structure gets there"
 """What every table and picture of a path says."""
