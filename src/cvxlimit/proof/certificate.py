@@ -2,7 +2,8 @@
 
 A solver's own claims (load factor, residuals, duality gap) are not used: solvers have returned load
 factors wrong by 5 % with small residuals and no gap. Only its forces and its mechanism are used,
-and the bounds hold whatever these are.
+and neither is believed: what they violate is measured, repaired, and paid for with some of the
+bound, but for what is left of equilibrium (*Rounding*).
 
 *Weak duality.* Let forces x be admissible and balance the loads, A x + f_dead + alpha f_live = 0;
 let the flow rule allow the relative rates A'u of a mechanism u with f_live . u = 1, in which
@@ -30,8 +31,18 @@ proved bound is given up for a tighter assumed one: a pebble on a boulder breaks
 
 *Order.* :meth:`Certifier.certificate` takes the upper bound first: of u as it is, and, if that is
 not proved, with blocks glued that u does not part. Then the lower one: of all contacts, and, if the
-bracket is too wide, without those that carry next to nothing. Whatever is computed in floating
-point loses its rounding error.
+bracket is too wide, without those that carry next to nothing.
+
+*Rounding.* The upper bound is raised by the rounding of the powers that it is made of. A lower one
+counts as proved if its forces, put into equilibrium anew, and those of the dead state leave at no
+block more than ``BALANCED`` = 1e-11 of what acts there. Such a residual r carries load too: with it
+
+    alpha  <=  D - f_dead . u + r . u,
+
+so that alpha - r . u is a lower bound, for the u at collapse, whose right side without r is the
+largest load factor. The solver's u stands for that one: |r| |u|, block by block, is taken off, with
+the rounding of the sums that r is. What this neglects is r times the error of u, a product of two
+small numbers. Without a u nothing is taken off: the bound is then one to a residual of 1e-11.
 
 Letters and arrays of this module, in the scene's own units:
 
@@ -313,8 +324,8 @@ class Certifier:
             share = float((beyond / (beyond - dead_excess)).max(initial=0.0))
             x, lower = x + share * (dead_state - x), lower + share * (dead_factor - lower)
 
-        # Residuals of the mixture that count as rounding may carry some of the load factor: their
-        # power in the mechanism, which is how fast the largest load factor changes with loads.
+        # Residuals of the mixture that count as rounding may carry some of the load factor: no more
+        # than their power in the mechanism at collapse, for which u stands (*Rounding* above).
         hidden, live = 0.0, 0.0 if u is None else float(self.statics.live @ u.ravel())
         if u is not None and live > 0.0:
             acting = self.statics.acting(self.strength.forces(x), lower, self.size)
@@ -322,8 +333,9 @@ class Certifier:
             hidden = float(unbalanced @ block_sizes(u, 1.0 / self.size)) / live
         # The dead state alone proves its factor, so no more than down to that is taken off.
         lower = max(dead_factor, lower - hidden) if lower > dead_factor else lower - hidden
-        # Where some forces are resisted by nothing no reserve of strength absorbs what is left:
-        # ten times what counts as balanced is taken off.
+        # Where some forces are resisted by nothing, blocks may slide as one, each at a rate of 1
+        # over the whole live load. Residuals of BALANCED carry this much then, if what acts on
+        # blocks adds up to ten times the dead load of those pushed: a margin, on top of the above.
         if self.strength.balance.held is not None:
             unresisted = 10.0 * BALANCED * self.assemblage.scaling.ratio
             lower = max(dead_factor, lower - unresisted)

@@ -258,7 +258,10 @@ class FlowRule(ConditionRows):
         is negative of the rest along compressions is missing opening.
         """
         norms, resistance, free = self.norms, self.resistance, self._free
-        # Resistances that do not grow with signed forces need the least multipliers only.
+        # Signed rates are cancelled. With E of both R and B along signed forces, what is left is
+        # r - E'(lambda, -y), and the least change of (lambda, -y) that cancels it is
+        # E (E'E)^-1 times it. Resistances that do not grow with signed forces have rows of zeros in
+        # E, and need the least multipliers only.
         multipliers = np.where(free | self._is_linear, np.maximum(multipliers, 0.0), 0.0)
         changes, is_idle, solve = self._changes
         count = len(free) if free.any() else 0
@@ -268,6 +271,9 @@ class FlowRule(ConditionRows):
             flows = flows - step[count:]
             if count:
                 multipliers = multipliers + step[:count]
+        # Multipliers are raised to the polar gauges: contact by contact by the least multiple of
+        # ``pressed`` that does for all rows, which cancels along signed forces; where there is none
+        # one by one, which leaves signed rates that count as unresisted.
         least = self._least_multipliers(flows)
         if count:
             short = np.where(free, least - multipliers, 0.0)
@@ -278,11 +284,12 @@ class FlowRule(ConditionRows):
             multipliers = multipliers + share[contact] * pressed
         multipliers = np.maximum(multipliers, least)
         rest = rates - (resistance.transposed @ multipliers - norms.transposed @ flows)
-        # Dissipation c' lambda - b' y, contact by contact.
+        # Dissipation: c' lambda - b' y, contact by contact.
         by_contact = np.zeros(self.model.count)
         np.add.at(by_contact, resistance.contact, resistance.constant * multipliers)
         np.add.at(by_contact, norms.contact, -norms.constant * flows)
-        # The uniform opening of each contact that brings the rest along all compressions up to 0.
+        # Missing opening: the uniform one of each contact that brings the rest along all its
+        # compressions up to 0. What closes where these have a bound, or crush, dissipates instead.
         missing = np.full(self.model.count, -np.inf)
         contact, opening = self.model.contact[self._compressions], rest[self._compressions]
         bounded = self._bounded
@@ -305,8 +312,8 @@ class FlowRule(ConditionRows):
         # a compression at (x, y) is N = 1, M1 = y, M2 = -x
         place = self.model.resultant_map[:, self._compressions]
         at = np.arange(len(contact))
-        x = -np.asarray(place[6 * contact + COLUMN["M2"], at])
-        y = np.asarray(place[6 * contact + COLUMN["M1"], at])
+        x = -np.asarray(place[len(COMPONENTS) * contact + COLUMN["M2"], at])
+        y = np.asarray(place[len(COMPONENTS) * contact + COLUMN["M1"], at])
 
         def summed(values: FloatArray) -> FloatArray:
             return np.bincount(contact, values, self.model.count).astype(float)[rows]
@@ -344,8 +351,12 @@ class FlowRule(ConditionRows):
         contact does not bound them all, so that there are none.
 
         They are exp(-R x) where the sum of these over a contact's rows is least of all signed
-        forces x: its gradient is -R' exp(-R x).
+        forces x: its gradient, -R' exp(-R x), is zero there. That sum is convex, and has a least
+        value just where every x that lowers no resistance leaves all of them as they are: along
+        any other x the sum falls or stays for ever, and there are no such multipliers (Stiemke).
+        Newton's method finds it; where the gradient does not vanish there is none.
         """
+        # Forces in units in which each column of R is 1 long; 1e-300 is for columns of zeros.
         rows = self.resistance.matrix[:, self._signed]
         size = np.sqrt(np.maximum(np.bincount(rows.indices, rows.data**2, rows.shape[1]), 1e-300))
         rows = (rows @ sp.diags_array(1.0 / size)).tocsr()
@@ -353,6 +364,7 @@ class FlowRule(ConditionRows):
         for _ in range(_NEWTON):
             value = np.exp(-(rows @ x))
             square = rows.T @ sp.diags_array(value) @ rows
+            # Damped by rounding, for it is singular along x that no resistance sees.
             damped = square + sp.diags_array(1e-14 * square.diagonal() + 1e-300)
             step = np.asarray(splu(damped.tocsc()).solve(rows.T @ value))
             along = np.zeros(self.model.count)

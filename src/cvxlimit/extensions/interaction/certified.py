@@ -93,10 +93,11 @@ class Certified(Method):
     moments : str or Moments
         How Eq. 30 adds moments: see :func:`cvxlimit.solve`.
     budget : float or None
-        Seconds in all after which branch and bound ends and proofs are tried once; the relaxation
-        and searches for a lower bound are not limited. None is 60 of branching where a tolerance is
-        asked for, or on scenes of up to 6 contacts; otherwise ten, or twelve times the first
-        relaxation's, about thirty solves without interaction, whichever is more.
+        Seconds of the whole run after which branch and bound ends, and each way to a proof is tried
+        only once. It does not limit the relaxation and the searches for a lower bound, which come
+        first. If it is None, branch and bound has 60 seconds of its own where a
+        tolerance is asked for or the scene has up to 6 contacts; otherwise the budget is 10
+        seconds, or 12 times what the first relaxation took if that is more.
 
     Example
     -------
@@ -405,7 +406,8 @@ class _Proof:
         return before.bracket.width - cost
 
     def _prove(self) -> None:
-        """The lower bound proved, if that costs little; once per bracket."""
+        """The lower bound proved, if that costs little; not again where nothing has changed since.
+        A bracket that :meth:`_width_after_proof` has put back is proved again where it stays."""
         if self.run.best is not self._proved:
             prove(self.run, self._end, self._asked)
             self._proved = self.run.best
