@@ -199,14 +199,17 @@ class Block(ReadOnlyArrays):
                 points=cloud,
                 blocks=(id,),
             ) from error
-        # Triangles of the same plane are one face: that of the first with this normal.
+        # Triangles of the same plane are one face: that of the first with this normal, to the
+        # tolerance and 1e-5 of each component. On a convex hull one normal is one plane.
         normals = hull.equations[:, :3]
         alike = [
             np.isclose(normals, n, atol=RELATIVE_TOLERANCE).all(axis=1).argmax() for n in normals
         ]
         first, plane = np.unique(alike, return_inverse=True)
+        # Points that the planes leave inside may be the bottom of a notch.
         if inner == "refuse":
             _check_no_notch(id, cloud, hull, hull.equations[first])
+        # Each face is the corners of its triangles, in order about its normal.
         corners, own = cloud[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
         faces = [
             _ordered_around(corners, np.unique(own[plane == k]), normals[i])

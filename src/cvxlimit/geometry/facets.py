@@ -27,8 +27,8 @@ that are turned by more."""
 
 _CURVED = 0.5
 """Patches on curved surfaces keep within this share of the tolerance: those of two blocks that meet
-there differ, and their planes must still agree within it. On a curved joint of a public model it
-joins 1.05 and 0.96 m2, where patches of the whole tolerance join 0.97 and 0.89."""
+there differ, and their planes must still agree within it. Patches of the whole tolerance lose some
+8 % of the area of a curved joint."""
 
 _PARALLEL = 0.05
 """Facets whose unit normals, and whose distances over the body's size, differ by less are looked
@@ -60,6 +60,7 @@ class Facets:
 
     @classmethod
     def of_faces(cls, faces: Faces) -> Facets:
+        """Every face as a facet, piece and sheet of its own, whatever plane it lies in."""
         numbers = tuple(range(len(faces)))
         return cls(tuple((i,) for i in numbers), faces, numbers, numbers, (False,) * len(faces))
 
@@ -98,8 +99,10 @@ def _facets(surface: _Surface, faces: Faces, sheet: IntArray, label: IntArray) -
         found = _convex_pieces(points, [faces[i] for i in group], surface.plane(np.array(group))[0])
         pieces += found
         owner += [number] * len(found)
+    # Sheets that have a facet in common are one: a graph of sheets, which are numbered below the
+    # number of faces, and facets, numbered from there on, has a link for each face.
     sheets = mesh.linked(len(faces) + int(label.max()) + 1, sheet, len(faces) + label)
-    own = sheets[sheet[[group[0] for group in members.values()]]]
+    own = sheets[sheet[[group[0] for group in members.values()]]]  # of each facet
     alone = np.bincount(own)[own] == 1
     return Facets(
         tuple(map(tuple, members.values())),
@@ -239,6 +242,8 @@ def _joined_by_plane(surface: _Surface, label: IntArray) -> IntArray:
 def _convex_pieces(
     points: FloatArray, faces: Sequence[tuple[int, ...]], normal: FloatArray
 ) -> list[tuple[int, ...]]:
+    """Convex polygons that tile faces in one plane: one, without corners on straight sides, if
+    their outline is convex; else the faces as they are, and triangles of those not convex."""
     axes = mesh.plane_axes(normal)
     outline = faces[0] if len(faces) == 1 else _outline(faces)
     if outline is not None and _is_convex(points[list(outline)] @ axes.T):

@@ -27,6 +27,11 @@ SAME_FACE = 0.1
 """A joint lies on a face if it is no farther from its plane than this share of the block's mean
 thickness: more than faces are warped or joints wide, less than a notch is deep."""
 
+THINNEST = 1e-9
+"""Over a block's size, the grid on which faces are intersected and cut, and the width (area over
+perimeter) of a part that rounding makes of edges in common: far above the rounding of coordinates,
+far below any joint."""
+
 
 @dataclass(frozen=True)
 class Face:
@@ -130,6 +135,7 @@ def seen_from_above(scene: Scene, blocks: Collection[str] | None) -> list[Face]:
     faces = looking(scene, up, blocks)
     if blocks is not None:
         return faces
+    # Where faces that look up at all share a place in plan with those that are bare.
     plan = np.concatenate([plane_axes(up), up[None]])
     tops = list(faces_of(scene, range(len(scene.blocks)), up, RELATIVE_TOLERANCE))
     ours, others = (
@@ -138,17 +144,19 @@ def seen_from_above(scene: Scene, blocks: Collection[str] | None) -> list[Face]:
     )
     below, above = shapely.STRtree(others).query(ours, "intersects")
     size = max(block.size for block in scene.blocks)
-    shared = intersections(ours[below], others[above], 1e-9 * size)
+    shared = intersections(ours[below], others[above], THINNEST * size)
+    # The parts of each face that others hide. Stones do not cross each other: which of two faces
+    # lies higher is the same all over each part that they share in plan. What rounding makes of
+    # common edges is no part.
     hiding: dict[int, list[shapely.Geometry]] = {}
-    # Stones do not cross each other: which of two faces lies higher is the same all over each part
-    # that they share in plan. What rounding makes of common edges is no part.
     for j, k, both in zip(below.tolist(), above.tolist(), shared, strict=True):
         for part in shapely.get_parts(both):
-            if part.area > 1e-9 * size * part.length:
+            if part.area > THINNEST * size * part.length:
                 place = shapely.get_coordinates(shapely.point_on_surface(part))[0]
                 over = tops[k].height(place, plan) - faces[j].height(place, plan)
                 if over > RELATIVE_TOLERANCE * size:
                     hiding.setdefault(j, []).append(part)
+    # What nothing hides, lifted from the plan back into the plane of its face.
     result = list[Face]()
     for j, face in enumerate(faces):
         if j not in hiding:
@@ -191,9 +199,8 @@ def bare(scene: Scene, face: Face) -> Iterator[Face]:
     contacts, normal, origin = scene.contacts, face.normal, face.corners.mean(axis=0)
     is_a, is_b = contacts.a == face.number, contacts.b == face.number
     outward = contacts.axes[:, 2] * np.where(is_a, 1.0, -1.0)[:, None]
-    on = (is_a | is_b) & (outward @ normal >= FACING)
+    on = (is_a | is_b) & ~contacts.is_point & (outward @ normal >= FACING)
     on &= np.abs((contacts.origin - origin) @ normal) <= SAME_FACE * face.block.thickness
-    on &= ~contacts.is_point
     axes = plane_axes(normal)
     whole = shapely.make_valid(shapely.Polygon((face.corners - origin) @ axes.T))
     pieces = [
@@ -215,6 +222,6 @@ def _rest(
     """Polygons (k, 2) that a cover leaves of a block's face, counter-clockwise; strips narrower
     than a joint are none."""
     slit = scene.joint_tolerance or block.joint_tolerance
-    for part in without_holes(difference(whole, cover, 1e-9 * block.size)):
+    for part in without_holes(difference(whole, cover, THINNEST * block.size)):
         if part.area > 0.5 * slit * part.length:
             yield np.array(part.exterior.coords)[:-1]
