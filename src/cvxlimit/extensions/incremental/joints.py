@@ -87,6 +87,10 @@ class Joints:
 
     Attributes
     ----------
+    contacts, number, mean_area : Contacts, int, float
+        Those of the scene, how many they are, and the mean area of those that are faces.
+    plane, ratio, ways, slips : Plane or None, float, int, int
+        As given, and q and s above.
     at, share : array (C, P, 2), in a plane (C, P, 1); array (C, P)
         Places of points on their joint, and their parts of its area: 0 where there is no point.
     kn, ks, softness : arrays (C, P)
@@ -100,11 +104,15 @@ class Joints:
     G, B : arrays
         See above.
     turn : array (6, 3)
-        The three motions in the plane of a planar scene.
+        The three motions in the plane of a planar scene; others have none.
     dead, live : arrays
         Loads, one number for each way in which a free block moves.
+    dead_forces : array (free blocks, 3)
+        Dead loads without their moments.
     size, force : float
         Units of length and force.
+    pattern : Pattern
+        Where the blocks of joints are in the matrix of all.
     """
 
     def __init__(self, scene: Scene, plane: Plane | None, ratio: float) -> None:
@@ -137,10 +145,9 @@ class Joints:
             found.append((at, share))
         most = max(len(share) for _, share in found)
         self.at = np.zeros((self.number, most, 1 if plane is not None else 2))
-        self.share = np.zeros((self.number, most))
-        for j, (at, share) in enumerate(found):
-            self.at[j, : len(share)], self.share[j, : len(share)] = at, share
-        contacts, share = self.contacts, self.share
+        share = self.share = np.zeros((self.number, most))
+        for j, (at, own) in enumerate(found):
+            self.at[j, : len(own)], share[j, : len(own)] = at, own
         faces = contacts.faces
         mean = float(contacts.area[faces].mean()) if len(faces) else float(contacts.area.mean())
         area = contacts.area[:, None] * share
@@ -262,33 +269,45 @@ class Joints:
     def opening(self, d: FloatArray, gaps: FloatArray) -> tuple[State, FloatArray]:
         """What points bear at displacements d where those that slide open by mu times their slip:
         the nearest forces within friction; and what these resist together with their blocks, (C,
-        2 q, 2 q)."""
+        2 q, 2 q).
+
+        A point with gap g and slip e (s,), in all ``size`` = |e|, bears N = -kn g and T = -ks e
+        where ks |e| <= mu N. Else it slides by l <= |e|, opens by mu l, and bears mu N against e:
+
+            N = kn (mu l - g),  mu N = ks (|e| - l),  hence  N = c (mu |e| - g)
+
+        with c = kn / (1 + mu^2 kn / ks). Its tangent, with t = -e / |e| (``along``) and dg and de
+        rows of B, is
+
+            -dN = c (dg + mu t . de),  -dT = (mu N / |e|) (I - t t') de + mu t (-dN),
+
+        and -dN = kn dg, -dT = ks de where it sticks; c is zero where N is at an end (``yields``).
+        """
         moved = self.motions(d)
         gap, elastic = moved[:, -1] + gaps[:, None], moved[:, :-1]
         size = np.maximum(np.sqrt((elastic**2).sum(axis=1)), 1e-200)
         mu, ks = self.mu, self.ks
         slides = ks * size > mu * np.maximum(-self.kn * gap, 0.0)
-        # sliding by l: N = kn (mu l - g) and mu N = ks (s - l), so N = c (mu s - g) with c below
         c = np.where(slides, self.kn / (1.0 + mu**2 / self.ratio), self.kn)
         pressed = c * (np.where(slides, mu * size, 0.0) - gap)
         N = np.clip(pressed, self.low, self.high)
         yields = (pressed < self.low) | (pressed > self.high)
         along = -elastic / size[:, None]
         T = np.where(slides, mu * np.maximum(N, 0.0), ks * size)[:, None] * along
-        # the tangent
+        # The tangent: ``resisted`` is -dN, ``slid`` t . de.
         n, s, m = self.number, self.slips, self.ways
         B = self.B.reshape(n, s + 1, -1, m)
         c = np.where(yields, 0.0, c)
-        dN = c[:, :, None] * B[:, s]
+        resisted = c[:, :, None] * B[:, s]
         slid = sum(along[:, i][:, :, None] * B[:, i] for i in range(s))
-        dN = dN + np.where(slides, mu * c, 0.0)[:, :, None] * slid
+        resisted = resisted + np.where(slides, mu * c, 0.0)[:, :, None] * slid
         turn = np.where(slides, mu * np.maximum(N, 0.0) / size, ks)
         changed = np.empty_like(B)
-        changed[:, s] = dN
+        changed[:, s] = resisted
         for i in range(s):
             e = along[:, i][:, :, None]
             across = B[:, i] - np.where(slides[:, :, None], e * slid, 0.0)
-            sliding = np.where(slides, mu, 0.0)[:, :, None] * e * dN
+            sliding = np.where(slides, mu, 0.0)[:, :, None] * e * resisted
             changed[:, i] = turn[:, :, None] * across + sliding
         K = np.swapaxes(self.B, 1, 2) @ changed.reshape(n, -1, m)
         state = State(gap, N, elastic, T, along, np.ones_like(N), mu * N, slides, yields)
@@ -305,8 +324,7 @@ class Joints:
         they slide."""
         slipped = state.elastic + state.T * (self.softness / self.ratio)[:, None]
         shortened = np.where(state.N > 0.0, -state.N * self.softness - state.gap, 0.0)
-        untouched = self.untouched()
-        return replace(untouched, slipped=slipped, shortened=shortened)
+        return replace(self.untouched(), slipped=slipped, shortened=shortened)
 
     def limit(self, N: FloatArray, memory: Memory) -> FloatArray:
         """Largest shear (C, P) under compressions N."""
@@ -317,8 +335,17 @@ class Joints:
         stress = np.concatenate([state.T, state.N[:, None]], axis=1).reshape(self.number, 1, -1)
         return self.pattern.added(((stress @ self.B) @ self.G)[:, 0])
 
-    def tangent(self, state: State, held: bool) -> FloatArray:
-        """What the blocks of each joint resist, (C, 2 q, 2 q)."""
+    def tangent(self, state: State, is_held: bool) -> FloatArray:
+        """What the blocks of each joint resist, (C, 2 q, 2 q).
+
+        Points bear T = r t where they slide, with t = -e / |e| (``along``) of their elastic slip e
+        and r = mu N + cohesion, unless r is held. So with dg and de rows of B
+
+            -dN = kN dg,  -dT = f (I - t t') de + mu kN t dg,  f = r / |e|,
+
+        without the last part where r is held, and -dT = ks de where they stick. kN is kn, but zero
+        where N is at an end (``yields``).
+        """
         n, s, m = self.number, self.slips, self.ways
         B = self.B.reshape(n, s + 1, -1, m)
         kN = np.where(state.yields, 0.0, self.kn)
@@ -332,7 +359,7 @@ class Joints:
             for k in range(s):
                 if k != i:
                     along -= (g * e[:, i] * e[:, k])[:, :, None] * B[:, k]
-            if not held:
+            if not is_held:
                 along += np.where(slides, self.mu * e[:, i] * kN, 0.0)[:, :, None] * B[:, s]
             changed[:, i] = along
         K = np.swapaxes(self.B, 1, 2) @ changed.reshape(n, -1, m)
