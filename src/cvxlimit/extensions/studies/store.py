@@ -120,8 +120,7 @@ class Store:
             found = dict(row if kept is None else kept)
             # The variation's own parameters come first, and count: a row that is known by its
             # identity may be that of another variation.
-            own = {KEY: key, **variation}
-            self._waiting.append(own | found | own)
+            self._waiting.append({KEY: key, **variation} | found | {**variation, KEY: key})
             if time.monotonic() - self._written > 1.0:
                 self.flush()
         return dict(row) if kept is None else kept

@@ -187,23 +187,19 @@ class Search:
         units, structure = self.domain.units, self.structure
         normal, offset, is_proved = np.zeros(len(units)), np.inf, False
         if solution.mechanism is not None and self.study.method != "zero-dilatancy":
-            rates = np.array(list(solution.mechanism.values()))
-            factors = direction * (solution.load_factor or 0.0)
             forces = np.zeros(1) if solution.forces is None else solution.forces
             raw = Raw(
-                direction, factors, forces=forces, given=forces, mechanism=rates, is_ray=False,
+                direction, direction * (solution.load_factor or 0.0), forces=forces, given=forces,
+                mechanism=np.array(list(solution.mechanism.values())), is_ray=False,
                 iterate=solution.history[-1],
             )  # fmt: skip
             normal, offset, is_proved = structure.half_space(raw)
-        ends = [(solution.lower, solution.bracket.lower_is_proved)]
-        if solution.members:
-            ends = [(member.load_factor, False) for member in solution.members]
-        for lower, holds in ends:
-            point = lower * direction * units if np.isfinite(lower) else None
+        ends = [(member.load_factor, False) for member in solution.members]
+        for lower, holds in ends or [(solution.lower, solution.bracket.lower_is_proved)]:
             yield Support(
-                direction * units, point, ray=None, normal=normal / units, offset=offset,
-                point_is_proved=holds, half_space_is_proved=is_proved,
-                loaded=direction * units, solution=solution,
+                direction * units, point=lower * direction * units if np.isfinite(lower) else None,
+                ray=None, normal=normal / units, offset=offset, point_is_proved=holds,
+                half_space_is_proved=is_proved, loaded=direction * units, solution=solution,
             )  # fmt: skip
 
     def refer(self) -> None:
