@@ -341,6 +341,23 @@ def test_no_step_leads_over_a_zero() -> None:
         assert np.abs(d[[1, 3, 5]]).max() <= 1e-12
 
 
+@pytest.mark.parametrize("tilt", [0.6, 0.3])
+def test_a_zero_before_a_jump_is_found(tilt: float) -> None:
+    """A block that its dead load would tip over the one edge is pushed over the other, and comes
+    down on its side: what led to that jump passes the zero. With the centroid (0.5, 1) from the
+    edge and turned by a, tan(a) = (0.5 + tilt) / (1 - 0.5 tilt) at zero."""
+    ground = Block.box("ground", (-3, -3, -1), (3, 3, 0))
+    block = Block.box("block", (0, 0, 0), (1, 1, 2), density=20.0)
+    dead = Load(gravity=(0, 0, -1), acceleration=(tilt, 0, 0))
+    scene = Scene([ground, block], ["ground"], Load(acceleration=(-1, 0, 0)), dead, friction=0.7)
+    a = np.arctan2(0.5 + tilt, 1.0 - 0.5 * tilt)
+    for step in (None, 0.05, 0.2):
+        path = pushover(scene, step, certify="none")
+        assert path.status == "zero"
+        assert path.snaps == ()
+        assert path.d0 == pytest.approx(0.5 - (0.5 * np.cos(a) - np.sin(a)), abs=1e-8)
+
+
 def test_zero_between_the_solutions_is_no_mechanism() -> None:
     """Friction of neighbours that push each other holds it up in one solution, and not in
     another."""

@@ -157,7 +157,14 @@ class Walk(Rest):
                 h = min(0.5 * h, _PAST * self._way_left(here, until))
                 continue
             # A jump on the way is enclosed, and both its ends belong to the path.
-            if self._has_kept_a_jump(here, there, pace):
+            jump = self._jump(here, there, pace)
+            if jump is not None:
+                before, after = jump
+                for each in before:
+                    if each.shown.load_factor <= until + self.enough(each):
+                        return "zero", self._brought_down(self.found[-1], each, until)
+                    self.keep(each)
+                self._keep_jump(after, self.distance(here, there) / (there.shown.w - here.shown.w))
                 if self.found[-1].shown.load_factor <= until:
                     return "zero", f"the load factor drops below {until:g} in a snap"
                 pace = np.inf
@@ -229,24 +236,21 @@ class Walk(Rest):
         is_up = there.shown.load_factor > max(here.shown.load_factor, until + self.enough(there))
         return is_up and self._way_left(here, until) < there.shown.w - here.shown.w
 
-    def _has_kept_a_jump(self, here: At, there: At, pace: float) -> bool:
-        """Keeps a jump between two configurations, with what led there; returns whether there was
-        one. It is a snap if blocks move ``JUMP`` times as fast in it as on the whole way: else a
-        contact closed, and the curve goes up."""
+    def _jump(self, here: At, there: At, pace: float) -> tuple[list[At], At] | None:
+        """Returns what leads to a jump between two configurations, and what is behind it; None
+        where there is none."""
         if not (here.lost(there) or may_have_jumped(self, here, there, pace)):
-            return False
-        jump = jump_between(self, here, there, FINEST * self.step)
-        if jump is None:
-            return False
-        before, after = jump
-        for each in before:
-            self.keep(each)
-        low = before[-1] if before else here
-        fast = self.distance(low, after) / (after.shown.w - low.shown.w)
-        if fast > JUMP * self.distance(here, there) / (there.shown.w - here.shown.w):
+            return None
+        return jump_between(self, here, there, FINEST * self.step)
+
+    def _keep_jump(self, after: At, pace: float) -> None:
+        """Keeps what is behind a jump from the last configuration. It is a snap if blocks move
+        ``JUMP`` times as fast in it as on the whole way, at ``pace``: else a contact closed, and
+        the curve goes up."""
+        low = self.found[-1]
+        if self.distance(low, after) / (after.shown.w - low.shown.w) > JUMP * pace:
             self.snaps.append(low.shown.w)
         self.keep(after)
-        return True
 
     def _brought_down(self, here: At, there: At, until: float) -> str:
         """Keeps the last configuration of the path, between two of which the second carries no more
