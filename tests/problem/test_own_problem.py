@@ -11,7 +11,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from cvxlimit import Block, Load, Reaction, Scene, Status, Tie, builtin_scene, solve
+from cvxlimit import Block, Load, Reaction, Scene, Status, Tie, Units, builtin_scene, solve
 from cvxlimit.errors import InputError, ModelError
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.masonry import random_wall, single_block, stack
@@ -495,6 +495,26 @@ class TestValuesAfterASolve:
         for found in in_newton.at_rest(in_newton.M1[0]):
             assert found.status is Status.CERTIFIED
             assert found.lower <= 0.0 <= found.upper  # they stand centred
+
+    def test_limits_of_any_name_count_at_rest(self) -> None:
+        for name in ("load factor", "another"):
+            problem = LimitProblem(builtin_scene("single-block"))
+            problem.add(name, problem.factor <= -1.0)
+            assert all(found.load_factor is None for found in problem.at_rest(problem.N[0]))
+
+    def test_a_scene_with_values_of_its_own_refuses_what_would_miss_them(self) -> None:
+        scene = LimitProblem(builtin_scene("single-block"), friction=0.3).solve().scene
+        for same in (scene.with_density(2.0), scene.with_live(scene.live), scene.with_name("b")):
+            assert same.contacts.friction.tolist() == [0.3]
+        for change in (
+            lambda: scene.with_friction(0.1),
+            lambda: scene.with_cohesion(1.0),
+            lambda: scene.with_strength(tensile=0.1),
+            lambda: scene.moved(np.eye(3)),
+            lambda: scene.in_units(Units("mm", "N"), 1e3, 1e3),
+        ):
+            with pytest.raises(InputError, match="values of their own, as a LimitProblem gives"):
+                change()
 
 
 class TestWordsOfCvxpy:

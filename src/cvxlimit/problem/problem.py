@@ -407,8 +407,9 @@ class LimitProblem:
         # A copy with the load factor fixed shares the variables: these get their values back.
         aside = copy(self)
         aside._stated = copy(self._stated)
-        limits = {**self._stated.limits, "load factor": (self.factor == factor,)}
-        aside._stated.change(limits, None)
+        # A name of the user's keeps its own limits beside the one that fixes it.
+        fixed = (*self._stated.limits.get("load factor", ()), self.factor == factor)
+        aside._stated.change({**self._stated.limits, "load factor": fixed}, None)
         with self._stated.untouched():
             aside.minimise(expression)
             least = aside.solve(tolerance=tolerance)

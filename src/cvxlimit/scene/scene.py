@@ -150,8 +150,7 @@ class Scene(RemadeFromFields, SceneJoints):
     @cached_property
     def contacts(self) -> Contacts:
         """All contacts, detected on first use and kept; see :func:`detect`."""
-        given = self.__dict__.get("_given_contacts")
-        if given is not None:
+        if (given := self.__dict__.get("_given_contacts")) is not None:
             return given
         detected = self._given_to(self._detection.contacts)
         if not (self.ties or self.reactions):
@@ -234,7 +233,8 @@ class Scene(RemadeFromFields, SceneJoints):
         Raises
         ------
         InputError
-            For a name that is none of theirs, and for values that a scene refuses.
+            For a name that is none of theirs, for values that a scene refuses, and where contacts
+            have values of their own, as of the solution of a :class:`~cvxlimit.LimitProblem`.
 
         Example
         -------
@@ -242,10 +242,9 @@ class Scene(RemadeFromFields, SceneJoints):
         >>> builtin_scene("single-block").with_joints(cohesion=2.0).contacts.cohesion.tolist()
         [2.0]
         """
-        known = self.joint_values
-        for name in values:
-            if name not in known:
-                raise InputError(f"contacts have no {name!r}: they have {', '.join(PROPERTIES)}")
+        for name in (each for each in values if each not in self.joint_values):
+            raise InputError(f"contacts have no {name!r}: they have {', '.join(PROPERTIES)}")
+        self._refuse_given("other strengths")
         return self._copy(**{name: value for name, value in values.items() if value is not None})
 
     def with_friction(self, friction: float, contact_friction: ByPair | None = None) -> Scene:
@@ -275,7 +274,14 @@ class Scene(RemadeFromFields, SceneJoints):
         return self._copy(name=name)
 
     def moved(self, rotation: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> Scene:
-        """The scene after x -> rotation @ x + translation, loads included."""
+        """The scene after x -> rotation @ x + translation, loads included.
+
+        Raises
+        ------
+        InputError
+            As :meth:`with_joints`, of contacts with values of their own.
+        """
+        self._refuse_given("another position")
         turn, shift = (np.asarray(x, dtype=float) for x in (rotation, translation))
         return replace(
             self,
@@ -324,8 +330,10 @@ class Scene(RemadeFromFields, SceneJoints):
         Raises
         ------
         InputError
-            If a factor is not a finite number above 0.
+            If a factor is not a finite number above 0, and as :meth:`with_joints`, of contacts with
+            values of their own.
         """
+        self._refuse_given("other units")
         of_type(units, Units, "units must be Units", 'write Units("mm", "N")')
         length = positive(length, "length, how many new units one old unit of length is,")
         force = positive(force, "force, how many new units one old unit of force is,")
@@ -414,9 +422,17 @@ class Scene(RemadeFromFields, SceneJoints):
         return self._beside("_detection", other._detection)
 
     def _with_contacts(self, contacts: Contacts) -> Scene:
-        """The same scene with these contacts in place of those detected, for what solves it: files,
-        pickles, other units and other strengths know nothing of them."""
+        """The same scene with these contacts in place of those detected, for what solves it: files
+        and pickles know nothing of them; other units and other strengths are refused."""
         return self._beside("_given_contacts", contacts)
+
+    def _refuse_given(self, change: str) -> None:
+        """Raises InputError where a change would miss contacts that have values of their own."""
+        if "_given_contacts" in self.__dict__:
+            raise InputError(
+                f"contacts of scene {self.name!r} have values of their own, as a LimitProblem "
+                f"gives, which {change} would not reach: change the scene that it was made of"
+            )
 
 
 _SHAPES = frozenset({"blocks", "supports"})
