@@ -506,6 +506,25 @@ MOTIONS: dict[str, tuple[Scene, tuple[Any, ...], dict[str, Any]]] = {
 }
 
 
+def test_supports_of_a_reaction_may_have_any_ids() -> None:
+    ids = ("pier", "pier, left", "moment of x, y")
+    blocks = [Block.box(key, (i, 0, -1), (i + 0.2, 1, 0)) for i, key in enumerate(ids)]
+    blocks.append(Block.box("beam", (0, 0, 0), (2.2, 1, 0.2), density=10.0))
+    scene = Scene(blocks, ids, Load(acceleration=(1, 0, 0)))
+    for moved in (ids[1:2], ids[2:], ids[:2], (ids[1], ids[0])):
+        held = settlement(scene, moved, (0, 0, -1), "largest").solution
+        assert (held.quantity, held.quantity_unit) == (
+            f"largest reaction of {', '.join(moved)}",
+            "kN",
+        )
+        assert prove(held, scene).is_proved
+        for other in ("pier", "pier, pier", "pier, left, pier, left", "x, y", "left, pier, pier"):
+            if other not in (", ".join(moved), ", ".join(moved[::-1])):
+                changed = replace(held, quantity=f"largest reaction of {other}")
+                assert not prove(changed, scene).is_proved, (moved, other)
+    assert not prove(replace(held, quantity="largest weight of pier, left, pier"), scene).is_proved
+
+
 @pytest.mark.parametrize("case", MOTIONS)
 def test_a_reaction_is_proved_again(case: str) -> None:
     scene, motion, options = MOTIONS[case]

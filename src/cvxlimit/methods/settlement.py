@@ -13,7 +13,7 @@ Its mechanism is that of the settlement, and its bracket that of the reaction.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -128,7 +128,7 @@ def settlement(
     falls = search.dead_load_is_unstable()
     state = None if falls else search.certifier.references.dead_state
     kind = "reaction" if any(motions[0].direction) else "moment"
-    quantity = f"{which} {kind} of {', '.join(name for each in motions for name in each.supports)}"
+    quantity = quantity_of(which, kind, (name for each in motions for name in each.supports))
     if state is None:
         if not falls:
             run.remarks = ["with all supports in place, whether the dead load stands is open"]
@@ -149,9 +149,8 @@ def _motions(
     """One motion of the ids given, or those given, or the scene's own; checked."""
     if isinstance(support, SupportMotion):
         support = [support]
-    is_own = support is None
-    listed = scene.settling if is_own else (support,) if isinstance(support, str) else support
-    motions = tuple(listed)
+    listed = (support,) if isinstance(support, str) else support
+    motions = tuple(scene.settling if support is None else listed)
     if not motions:
         raise InputError(
             f"scene {scene.name!r} says nothing of supports that move: name one of "
@@ -171,10 +170,8 @@ def _reaction(
 ) -> SupportReaction:
     """Returns the reaction that the limit problem's solution stands for, R = R0 - s alpha, with its
     bracket turned round accordingly, and the rates of the moving supports in the mechanism."""
-    found = solution.bracket.turned if sign > 0.0 else solution.bracket
-    bracket = found.shifted(possible)
-    factor = solution.load_factor
-    value = None if factor is None else possible - sign * factor
+    bracket = (solution.bracket.turned if sign > 0.0 else solution.bracket).shifted(possible)
+    value = None if solution.load_factor is None else possible - sign * solution.load_factor
     if solution.mechanism is not None:  # rounding apart, supports move along the guide only
         rates = dict(solution.mechanism)
         by = sum(float(way @ rates[name]) for name, way in motion.items())
@@ -188,6 +185,12 @@ def _rates(scene: Scene, motions: Sequence[SupportMotion]) -> dict[str, FloatArr
     """Returns the rates w (6,) of every support that moves, in the unit of the first motion."""
     block, size = {block.id: block for block in scene.blocks}, motions[0].size
     return {x: each.rates(block[x]) / size for each in motions for x in each.supports}
+
+
+def quantity_of(which: str, kind: str, supports: Iterable[str]) -> str:
+    """What a load factor is that is a reaction: ``"least reaction of a, b"``, ``kind`` being a
+    ``"reaction"`` or a ``"moment"``, of the ``supports`` in the order of their motions."""
+    return f"{which} {kind} of {', '.join(supports)}"
 
 
 def guided(

@@ -20,6 +20,7 @@ bounds of their own add how these are proved, under ``cvxlimit.checks``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -29,7 +30,7 @@ import numpy as np
 from cvxlimit.errors import InputError
 from cvxlimit.io.results import result_from_dict
 from cvxlimit.methods.driver import Run
-from cvxlimit.methods.settlement import guided
+from cvxlimit.methods.settlement import guided, quantity_of
 from cvxlimit.model.assemblage import Assemblage
 from cvxlimit.model.formulations import Formulation, corner_compressions
 from cvxlimit.model.statics import DOF
@@ -101,24 +102,25 @@ def _pushed(said: Solution, scene: Scene) -> tuple[Assemblage, Solution] | None:
     load factor of a push along the supports' motion, scaled to a unit, which the mechanism has, and
     R0 the reaction of the reference state.
     """
-    # "least reaction of a, b", "largest moment of a": which, of what kind, of which supports
-    which, _, kind = said.quantity.partition(" ")
-    names = said.quantity.partition(" of ")[2].split(", ")
+    claim, _, listed = said.quantity.partition(" of ")
+    which, _, kind = claim.partition(" ")
     sign = {"least": 1.0, "largest": -1.0}.get(which)
     state = None if said.reference is None else said.reference.forces
-    if said.load_factor is None or sign is None:
+    if said.load_factor is None or sign is None or kind not in ("reaction", "moment"):
         return None
     if state is None or state.shape != (len(scene.contacts), DOF):
         return None
     rates = said.mechanism or {}
     moved = {name: sign * rates[name] for name in scene.supports if name in rates}
-    if {*names} != {*moved}:
+    # These supports in the order in which they are listed; an id may have commas, and be the
+    # beginning of another, which is meant where it fits.
+    names = re.findall("|".join(sorted(map(re.escape, moved), key=len, reverse=True)), listed)
+    if sorted(names) != sorted(moved) or said.quantity != quantity_of(which, kind, names):
         return None
     # The motion is a unit of the first one's way, or of its turn where a moment is meant.
     shift, turn = np.split(moved[names[0]], 2)
-    is_moment = kind.startswith("moment of ")
-    size = np.linalg.norm(turn if is_moment else shift)
-    if abs(size - 1.0) > SLACK and (is_moment or not turn.any()):
+    size = np.linalg.norm(turn if kind == "moment" else shift)
+    if abs(size - 1.0) > SLACK and (kind == "moment" or not turn.any()):
         return None
     aside, at_state = guided(scene, moved, sign, state)
     bracket = said.bracket.turned if sign > 0.0 else said.bracket
@@ -129,12 +131,10 @@ def _pushed(said: Solution, scene: Scene) -> tuple[Assemblage, Solution] | None:
 def surface_meant(said: Any, given: Any, torsion_shear: str = "linear", own: Any = ()) -> Any:
     """The surfaces ``given``, or those that a solution or a domain names, or else its ``own``."""
     if given is None:
-        is_parabolic = torsion_shear == PARABOLIC and said.surface == "conic"
-        name = PARABOLIC if is_parabolic else said.surface
+        name = PARABOLIC if (torsion_shear, said.surface) == (PARABOLIC, "conic") else said.surface
         named = surfaces_named(name)
         # A choice like "octagon" goes on as it is, "rocking(conic)+sliding(octagon)" as surfaces.
-        given = named if named is None or name.endswith(")") else name
-        given = given or own
+        given = (named if named is None or name.endswith(")") else name) or own
     return known_or_asked(given, said.scene_name, "surface", said.surface)
 
 

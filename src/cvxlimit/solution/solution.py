@@ -266,7 +266,8 @@ class Solution:
         if self.quantity == LOAD_FACTOR or self.units is None:
             return ""
         force, length = self.units.force, self.units.length
-        return f"{force} {length}" if " moment of " in self.quantity else force
+        # "least moment of": ids of supports, which may be any words, follow
+        return f"{force} {length}" if self.quantity.split()[1:2] == ["moment"] else force
 
     @property
     def range_text(self) -> str:
