@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
-from cvxlimit import LimitProblem, Scene, Status, builtin_scene, solve
+from cvxlimit import LimitProblem, Scene, Status, Units, builtin_scene, solve
+from cvxlimit.methods.admitting import _nothing as nothing
+from cvxlimit.methods.admitting import unlimited
+from cvxlimit.methods.driver import BOUNDLESS, Run
+from cvxlimit.model.statics import Scaling
 from cvxlimit.surfaces import Condition, Norm, Rocking, YieldSurface
 from exhaustive import slow
 
@@ -68,6 +73,26 @@ def test_anything_is_admitted(kind: str) -> None:
     for found in both(builtin_scene("tuff-wall"), conditions):
         assert found.status is Status.UNBOUNDED
         assert f"no surface limits {free}" in found.note
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_what_limits_shear_does_not_depend_on_the_unit_of_length(unit: float) -> None:
+    scene = builtin_scene("tuff-wall").in_units(Units("of ours", "kN"), unit, 1.0)
+    for share, free in ((1e-1, ["MT"]), (1e1, ["V1", "V2", "MT"])):
+        most = share * BOUNDLESS * Scaling.of(scene).force
+        run = Run(scene, [Rocking(), Own(lambda c, most=most: [Condition([SHEAR], {"1": most})])])
+        assert [name for name in ("V1", "V2", "MT") if name in unlimited(run)] == free
+
+
+def test_rows_of_a_condition_are_of_the_contact_that_they_name() -> None:
+    """Two rows at each contact but the first, of which the last refuses all compression."""
+    run = Run(builtin_scene("stack"))
+    last = len(run.contacts) - 1
+    at = np.repeat(np.arange(1, last + 1), 2)
+    for rows in (at, at[::-1], np.arange(last + 1)[::-1]):
+        refused = np.where(rows == last, -1.0, 1.0)
+        own = Own(lambda c, rows=rows, n=refused: [Condition([], {"N": n}, rows)])
+        assert f"no compression at contact {run.contacts.names[last]!r}" in nothing(own, run)
 
 
 def test_a_resistance_without_components_is_none() -> None:
