@@ -259,6 +259,15 @@ def test_a_control_point_only_relabels_the_axis() -> None:
     assert other.displacement[1] > other.w[1] == one.displacement[1]
 
 
+def test_a_control_across_the_motion_measures_nothing() -> None:
+    path = quick(columns(3), step=0.1, control=("b3", (0.0, 1.0, 0.0)))
+    assert path.control_stays
+    assert np.isnan(path.d0)
+    assert "'b3', does not move along (0.0, 1.0, 0.0), though w comes to" in path.headline
+    assert code_check(path).refused == path.headline
+    assert not replace(path, control=None).control_stays
+
+
 def test_a_point_load_moves_with_its_block() -> None:
     """Pushed at the top, the block needs half; the load's point has moved by w."""
     push = Load(points=[PointForce("b1", (0.2, 0.2, 1.0), (8.0, 0.0, 0.0))])

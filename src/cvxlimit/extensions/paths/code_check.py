@@ -95,7 +95,7 @@ def code_check(
     runs = [run for run in (path.halved, path) if run is not None]
     sliding = [run for run in runs if run.slides_away]
     refused = sliding[0].headline if sliding else ""
-    if path.status == "not-decided":
+    if path.status == "not-decided" or path.control_stays:
         refused = path.headline
     if path.other_flow is not None:
         runs.append(path.other_flow)

@@ -220,6 +220,13 @@ class Path:
         along = along / np.linalg.norm(along)
         return np.array([c.displacements[block][:3] @ along for c in self.configurations])
 
+    @property
+    def control_stays(self) -> bool:
+        """True if the control block does not move along its direction while the structure does:
+        displacements are all zero then, and measure nothing."""
+        moved, w = (np.abs(way).max(initial=0.0) for way in (self.displacement, self.w))
+        return bool(moved < SHOWN * w)
+
     def openings(self, i: int) -> dict[str, float]:
         """How far joints of the scene have opened at configuration ``i``, at their widest corner
         (length), by name, the widest first; without those that are closed."""
@@ -389,9 +396,9 @@ class Path:
     @cached_property
     def d0(self) -> float:
         """Displacement at which the load factor is first zero; NaN where the path ends before, or
-        :attr:`slides_away`. On the chord to the last one above zero where iterates between them did
-        not settle."""
-        if self.slides_away:
+        :attr:`slides_away`, or :attr:`control_stays`. On the chord to the last one above zero where
+        iterates between them did not settle."""
+        if self.slides_away or self.control_stays:
             return float("nan")
         at, jumps = self._last, [start for start, _ in self.pieces]
         if not self.load_factor[at] <= self.zero:

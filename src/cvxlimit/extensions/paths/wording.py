@@ -21,16 +21,12 @@ def headline(path: Path) -> str:
     """Returns ``path.headline``."""
     if path.motions:
         return _moving(path)
-    if path.status == "not-decided" and path.halved is not None:
-        ends = " and ".join(
-            f"{_end(run)} with steps of {run.step:.4g} {path.scene.units.length}"
-            for run in (path, path.halved)
-        )
-        return (
-            f"a load factor of {path.load_factor[0]:.5g} moves it, and how it ends is not decided: "
-            f"{ends}"
-        )
     unit, joints = path.scene.units.length, list(path.sliding_joints)
+    moves = f"a load factor of {path.load_factor[0]:.5g} moves it"
+    if path.status == "not-decided" and path.halved is not None:
+        runs = (path, path.halved)
+        ends = (f"{_end(run)} with steps of {run.step:.4g} {unit}" for run in runs)
+        return f"{moves}, and how it ends is not decided: {' and '.join(ends)}"
     which = ", ".join(joints[:3]) + (f" and {len(joints) - 3} more" if joints[3:] else "")
     which = f"joint{'s' * (len(joints) != 1)} {which}".rstrip()
     # It slides away: the load factor stays level.
@@ -40,11 +36,13 @@ def headline(path: Path) -> str:
         at = f"{path.load_factor[np.searchsorted(path.w, end)]:.5g}"
         behind = f"; behind that {_end(path, True)}" * bool(end < path.w[-1])
         return (
-            f"a load factor of {path.load_factor[0]:.5g} moves it, and there is no d0: {which} "
-            f"{slide}, the load factor stays level at {at} from w = {begin:.4g} to {end:.4g} "
-            f"{unit}, and such a path ends where what it slides on was drawn to end, which is no "
-            f"capacity of displacement{behind}{_changed(path)}"
+            f"{moves}, and there is no d0: {which} {slide}, the load factor stays level at {at} "
+            f"from w = {begin:.4g} to {end:.4g} {unit}, and such a path ends where what it slides "
+            f"on was drawn to end, which is no capacity of displacement{behind}{_changed(path)}"
         )
+    if path.control_stays and path.control is not None:
+        (block, way), w = path.control, f"w comes to {path.w[-1]:.4g} {unit}"
+        return f"no d0: the control, block {block!r}, does not move along {way}, though {w}"
     # Where it ends, and what that rests on.
     low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
     said = f"zero at d0 = {low}" + (f" to {high}" if low != high else "") + f" {unit}"
