@@ -243,6 +243,21 @@ class Contacts(JointValues[FloatArray], ReadOnlyArrays):
         """True if some contact bears tension, or has a least force that is not 0."""
         return bool(np.any(self.tensile_strength) or np.any(self.least))
 
+    def first_of(self, *names: str) -> str:
+        """The first contact that has one of these strengths, or a ``least`` force, and its value,
+        in words; empty where none has.
+
+        >>> from cvxlimit import builtin_scene
+        >>> builtin_scene("single-block").with_cohesion(2.0).contacts.first_of("cohesion")
+        'cohesion, 2 at contact ground-b1'
+        """
+        for name in names:
+            values = getattr(self, name)
+            none = np.inf if name == "compressive_strength" else 0.0
+            for j in np.flatnonzero(values != none):
+                return f"{name.replace('_', ' ')}, {values[j]:g} at contact {self.names[j]}"
+        return ""
+
     @property
     def extent(self) -> float:
         """Largest side of the box about all corners, at least :attr:`typical_size`."""

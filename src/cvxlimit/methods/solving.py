@@ -13,7 +13,6 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
-import numpy as np
 from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
 
 from cvxlimit.base.checks import check_choice, ratio
@@ -52,18 +51,18 @@ EXTRAS: Mapping[str, tuple[Callable[[Run], object], str]] = MappingProxyType(
             "no bracket",
         ),
         "cohesion": (
-            lambda run: np.any(run.given.contacts.cohesion),
-            "has no cohesion: take it out of the scene",
+            lambda run: run.given.contacts.first_of("cohesion"),
+            "has no cohesion: take it out of the scene, which has {}",
         ),
         "strength": (
-            lambda run: run.mortar or np.isfinite(run.contacts.compressive_strength).any(),
-            "knows no strength of stone or mortar and no reactions that push at least so much: "
-            "leave compressive_strength and tensile_strength out of the scene, and give the least "
-            "of a reaction as a point load",
+            lambda run: run.contacts.first_of("compressive_strength", "tensile_strength", "least"),
+            "knows no strength of stone or mortar and no reactions that push at least so much, got "
+            "{}: leave compressive_strength and tensile_strength out of the scene, and give the "
+            "least of a reaction as a point load",
         ),
     }
 )
-"""What not every method takes: how it is seen, and what is said where it is not taken."""
+"""What not every method takes: how it is seen, and what is said of that where it is not taken."""
 
 TABLE: Mapping[str, type[Method]] = Door("cvxlimit.methods")
 """All methods by name."""
@@ -204,8 +203,8 @@ def chosen(surface: Surface, method: str | Method | None, settings: Mapping[str,
 def check(what: str, run: Run, takes: Collection[str]) -> None:
     """Refuse a run with one of :data:`EXTRAS` that ``what`` does not take."""
     for extra, (is_there, refusal) in EXTRAS.items():
-        if extra not in takes and is_there(run):
-            raise ModelError(f"{what} {refusal}")
+        if extra not in takes and (found := is_there(run)):
+            raise ModelError(f"{what} {refusal.format(found)}")
 
 
 def _is_cone(name: str) -> bool:

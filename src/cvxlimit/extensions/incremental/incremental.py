@@ -179,11 +179,11 @@ _SPREAD_TOLD = "spread=True (--spread) asks for them"
 
 def _refuse(run: Run) -> None:
     """Refuses what elastic joints are not stated for here, and says why."""
-    if run.mortar is not None:
+    if found := run.contacts.first_of("tensile_strength", "least"):
         raise ModelError(
             "method 'incremental' knows no mortar that bears tension, which breaks at once, and no "
-            "reactions that push at least so much: leave tensile_strength out, and give the least "
-            "of a reaction as a point load"
+            f"reactions that push at least so much, got {found}: leave tensile_strength out, and "
+            "give the least of a reaction as a point load"
         )
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from cvxlimit.errors import ModelError, NoAnswerError
 from cvxlimit.scene import Scene
 from cvxlimit.solution import Solution, Status
@@ -11,17 +9,9 @@ from cvxlimit.solution import Solution, Status
 
 def refuse(scene: Scene) -> None:
     """Scenes of which no path is known yet, each with the way round."""
-    contacts, has = scene.contacts, None
-    for name, none in (
-        ("tensile_strength", 0.0), ("compressive_strength", np.inf)
-    ):  # fmt: skip
-        value = np.asarray(getattr(contacts, name))
-        if has is None and (value != none).any():
-            j = int(np.argmax(value != none))
-            has = f"{name.replace('_', ' ')}, {value[j]:g} at contact {contacts.names[j]}"
+    has = scene.contacts.first_of("tensile_strength", "compressive_strength")
     for load, name in ((scene.dead, "dead"), (scene.live, "live")):
-        if load.growing:
-            has = has or f"inertia that grows with height in the {name} load"
+        has = has or f"inertia that grows with height in the {name} load" * bool(load.growing)
     if has:
         raise ModelError(
             f"scene {scene.name!r} has {has}: paths do not know these; leave it out, or solve for "
