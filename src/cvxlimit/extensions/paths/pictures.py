@@ -190,6 +190,8 @@ def _title(path: Path) -> str:
     start = f"{name}: load factor {rounded(path.load_factor[0], DIGITS)} {begin}"
     if path.slides_away:
         return f"{start}, slides: no d0"
+    if path.control_stays:
+        return f"{start}, {path.ending}; its control does not move: no d0"
     low, high = (f"{d0:.4g}" for d0 in path.d0_interval)
     if np.isnan(path.d0_interval[0]):
         end = f"{path.ending} at {path.displacement[-1]:.4g}"
