@@ -330,7 +330,7 @@ def vertex_forces(contacts: Contacts) -> ForceModel:
 
 def rotated(root: str, first: Numbers, second: Numbers, contact: IntArray) -> Condition:
     """Returns the condition root^2 <= first x second, a rotated cone, written as
-    |(2 root, first - second)| <= first + second."""
+    sqrt((2 root)^2 + (first - second)^2) <= first + second."""
     names = {**first, **second}
     total = {name: first.get(name, 0.0) + second.get(name, 0.0) for name in names}
     difference = {name: first.get(name, 0.0) - second.get(name, 0.0) for name in names}
