@@ -71,7 +71,7 @@ def test_a_larger_scale_makes_larger_scenes() -> None:
 # --- our default, on a sample ---------------------------------------------------------------------
 
 
-@pytest.mark.exhaustive_cases("frictions")
+@pytest.mark.exhaustive_cases("frictions", "propped", "domes")
 @pytest.mark.parametrize("family", FAMILIES)
 def test_nothing_refutes_the_default(family: str) -> None:
     """Closed forms, fresh certificates, and a linear program written down once more."""

@@ -479,6 +479,7 @@ class TestAllPairs:
     """Leaving far pairs out changes nothing: compared with a look at every pair."""
 
     @pytest.mark.parametrize("seed", mostly_slow(range(30), range(5)))
+    @pytest.mark.exhaustive_cases("2", "3", "4")
     def test_cloud_of_thin_and_thick_bricks(self, seed: int) -> None:
         generator = np.random.default_rng(seed)
         sizes = generator.uniform(0.2, 0.6, (30, 3)) * generator.choice([0.05, 1.0], (30, 3))
@@ -501,7 +502,7 @@ class TestAllPairs:
             told = re.search(r"most of (\d+) pairs", str(refused.value))
             assert int(told[1] if told else 1) == len(meeting)
 
-    @pytest.mark.exhaustive_cases("thick-arch")
+    @pytest.mark.exhaustive_cases("arch", "thick-arch")
     @pytest.mark.parametrize(
         "scene",
         [arch(24), arch(24, 1.8), wall(running_bond(3, 5)), builtin_scene("stack")],

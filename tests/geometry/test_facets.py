@@ -91,6 +91,7 @@ class TestGrouping:
         assert found.facet.count(next(i for i, g in enumerate(found.faces) if len(g) == 2)) == 2
 
     @pytest.mark.parametrize("subdivisions", [2, 3, 4])
+    @pytest.mark.exhaustive_cases("4")
     def test_curved_surfaces_are_covered_by_patches_within_the_tolerance(
         self, subdivisions: int
     ) -> None:

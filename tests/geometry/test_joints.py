@@ -110,6 +110,7 @@ class TestTheSameWall:
 
     @pytest.mark.parametrize("turned", [False, True])
     @pytest.mark.parametrize("form", NOISY)
+    @pytest.mark.exhaustive_cases("noisy-False", "noisy_triangles-True")
     def test_noisy(self, form: Callable[[Block], Block], turned: bool, load_factor: float) -> None:
         scene = self.of(form, WALL.moved(ODD) if turned else WALL)
         assert scene.contacts.names == WALL.contacts.names

@@ -302,6 +302,7 @@ def entries(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 @pytest.mark.parametrize("stranger", [None, True, [], {}, "x"], ids=repr)
+@pytest.mark.exhaustive_cases("{}", "'x'", "None")
 def test_the_schema_refuses_only_what_reading_refuses(stranger: Any) -> None:
     """Every entry replaced by what is not its kind: an editor must not cry at a good file."""
     refused = 0

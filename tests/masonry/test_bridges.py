@@ -217,6 +217,7 @@ class TestLoads:
     @pytest.mark.parametrize(
         ("arch", "sizes"), [(Arch(6.55, 1.428), PRESTWOOD), (Arch(5.0, 1.25), BOLTON_5)]
     )
+    @pytest.mark.exhaustive_cases("arch0-sizes0-3.0", "arch1-sizes1-1.5")
     def test_prestwood_and_bolton_against_an_own_program(
         self, arch: Arch, sizes: dict[str, float], coefficient: float
     ) -> None:

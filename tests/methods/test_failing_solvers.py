@@ -63,6 +63,7 @@ def test_when_every_solver_fails(name: str) -> None:
 
 @pytest.mark.usefixtures("nobody_solves")
 @pytest.mark.parametrize("name", [name for name in ASKING if name in TABLE])
+@pytest.mark.exhaustive_cases("zero-dilatancy")
 def test_the_command_line_says_so(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert command(["solve", "single-block", "--method", name]) == 4
     assert NOWHERE in capsys.readouterr().err

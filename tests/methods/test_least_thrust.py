@@ -107,6 +107,7 @@ class TestProofs:
         assert slack.min() > -1e-8 * np.abs(dead).sum()
 
     @pytest.mark.parametrize("scene", [bond(2, 3), builtin_scene("arch"), builtin_scene("stack")])
+    @pytest.mark.exhaustive_cases("scene0")
     def test_least_thrusts_against_a_linear_program(self, scene: Scene) -> None:
         """No least thrust is above SciPy's, and where a round was at the bound none is below it by
         more than what is not asked for."""

@@ -174,6 +174,7 @@ KNOWN = {
 
 
 @pytest.mark.parametrize("name", mostly_slow(KNOWN, ("dovetail", "lid")))
+@pytest.mark.exhaustive_cases("lid")
 def test_blocks_that_slide_where_dilatancy_would_hold_any_load(name: str) -> None:
     scene, truth = KNOWN[name]
     solution = solve(scene)
@@ -254,6 +255,7 @@ def test_methods_that_have_no_words_for_friction_without_dilatancy(method: str) 
 
 @pytest.mark.parametrize("surface", ["conic", "octagon", slow("octagon-inscribed")])
 @pytest.mark.parametrize("cubes", [1, slow(3)])
+@pytest.mark.exhaustive_cases("1-octagon")
 def test_rows_between_walls(cubes: int, surface: str) -> None:
     """Lifted at 1: nothing presses the cubes then."""
     found = slides_at(solve(row(cubes), surface))  # type: ignore[arg-type]

@@ -186,6 +186,7 @@ def test_a_path_and_its_check() -> None:
         assert f"{name} {value:.6g} {unit}".rstrip() in words, name
 
 
+@pytest.mark.exhaustive
 def test_a_path_that_slides_says_so_first() -> None:
     path = pushover(builtin_scene("single-block").with_friction(0.2))
     words = Read(path.initial.of(path.scene).report(path=path)).words

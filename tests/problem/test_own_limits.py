@@ -77,6 +77,7 @@ def at_rest(scene: Scene) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", mostly_slow(range(200), range(4)))
+@pytest.mark.exhaustive_cases("0")
 def test_limits(seed: int) -> None:
     """Limits between what the dead load and what the collapse load give are kept to, and cost."""
     random = np.random.default_rng(seed)
@@ -426,6 +427,7 @@ def solved_with(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", mostly_slow(range(9), [1, 2, 4, 5, 6, 7, 8]))  # each kind once
+@pytest.mark.exhaustive_cases("4")
 def test_limits_of_all_kinds(seed: int) -> None:
     solved_with(seed)
 

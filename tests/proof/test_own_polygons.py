@@ -102,6 +102,7 @@ def test_every_way_to_write_a_polygon_is_certified(way: str, count: int, shape: 
 
 @pytest.mark.parametrize("has_rows", [True, False])
 @pytest.mark.parametrize("way", ["plain", "split", "weighed", "constants", "rows"])
+@pytest.mark.exhaustive_cases("split-True", "constants-True", "weighed-True")
 def test_duals_of_a_solver_are_flows(way: str, has_rows: bool) -> None:
     """With them, the mechanism's dissipation is what least missing opening allows, and the bound
     that it proves is the load factor; 1e-6 is what is left by a solver that was asked for 1e-9."""

@@ -159,6 +159,7 @@ class TestProofs:
     @pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
     @pytest.mark.parametrize("name", ["tuff-wall", "s12-panel", "ferris-tin-loi-2"])
     @pytest.mark.parametrize("surface", ["conic", "octagon"])
+    @pytest.mark.exhaustive_cases("conic-s12-panel-1e-08", "octagon-s12-panel-1e-06")
     def test_narrow_brackets(self, name: str, surface: str, tolerance: float) -> None:
         scene = builtin_scene(name)
         solution = solve(scene, surface, tolerance=tolerance)

@@ -133,6 +133,7 @@ def test_slopes_by_what_reactions_bear() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
+@pytest.mark.exhaustive_cases("2", "3", "4", "5")
 def test_slopes_by_differences(seed: int) -> None:
     """Of crushing arches between soils on both sides; planar, so that both are near each other."""
     rng = np.random.default_rng(seed)

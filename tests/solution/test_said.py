@@ -266,7 +266,7 @@ SURFACES: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize("name", SURFACES)
-@pytest.mark.exhaustive_cases("12-gon", "parabolic", "own loop", "own both")
+@pytest.mark.exhaustive_cases("12-gon", "octagon", "parabolic", "own loop", "own both")
 def test_surfaces_are_called_by_their_names_in_every_summary(name: str) -> None:
     """And nobody's are interaction, or have moments, or a width that is not known."""
     given, called = SURFACES[name]

@@ -99,6 +99,7 @@ class TestFrictionFromNothingToGlue:
         assert solve(scene, method=method).status in UNLIMITED
 
     @pytest.mark.parametrize("friction", [1e-5, 1e-3, 0.5])
+    @pytest.mark.exhaustive_cases("1e-05")
     def test_a_wedge_in_a_groove(self, friction: float) -> None:
         """Pushed along a groove of 45 degrees both faces press with W / sqrt(2): sqrt(2) mu W for
         small friction; above tan(45) it locks."""

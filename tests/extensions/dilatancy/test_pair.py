@@ -86,6 +86,7 @@ def loss(scene: Scene, surface: str, member: Member) -> tuple[float, float, floa
 
 
 @pytest.mark.parametrize("seed", mostly_slow(range(300), range(5)))
+@pytest.mark.exhaustive_cases("2", "4")
 def test_random_walls(seed: int) -> None:
     """Every member is right by the second writing, and inside the bracket of all of them."""
     scene, surface = random_wall(seed)

@@ -54,6 +54,7 @@ RINGS.remove(
 
 
 @pytest.mark.parametrize("ring", mostly_slow(RINGS, [(8, 4, 0.0), (12, 2, 1.5)]))
+@pytest.mark.exhaustive_cases("ring4")
 def test_rings_that_came_apart_and_carry_soil(ring: tuple[int, int, float]) -> None:
     """Bolton 3-2 and 5-2 under a load at the quarter: rings slide on each other, which dilatancy
     makes dearer, and each search finds a member within its budget."""

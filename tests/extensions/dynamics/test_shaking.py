@@ -112,6 +112,7 @@ def test_newmark_to_and_fro(sine: tuple[float, ...]) -> None:
     "change",
     ["millimetres", "turned", "pairs", "the other way"],
 )
+@pytest.mark.exhaustive_cases("millimetres", "pairs")
 def test_what_does_not_change_the_slip(change: str) -> None:
     scene, direction = FLAT, None
     if change == "millimetres":

@@ -129,6 +129,7 @@ NEAR = {"a.stl": 1e-4, "text.stl": 1e-4, "a.glb": 1e-4, "a.ply": 1e-6, "a.obj": 
 
 
 @pytest.mark.parametrize("name", WRITTEN)
+@pytest.mark.exhaustive_cases("a.stl", "a.ply", "a.off", "text.stl")
 def test_an_edge_that_one_face_is_cut_at(name: str, tmp_path: Path) -> None:
     for seed, way in enumerate(WAYS_TO_CUT):
         check_cut(name, way, seed, tmp_path)

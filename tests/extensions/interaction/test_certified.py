@@ -258,7 +258,7 @@ def test_signed_moments_stand_where_torsion_about_the_middle_would_not(slope: fl
     assert solution.upper == pytest.approx(expected, rel=1e-4)
 
 
-@pytest.mark.exhaustive_cases("3.3-pressed", "3.3-pushed")
+@pytest.mark.exhaustive_cases("3.3-pressed", "3.3-pushed", "3.3-slab")
 @pytest.mark.parametrize("push", ["slab", "pressed", "pushed"])
 @pytest.mark.parametrize("force", [3.0, 3.3, 4.5])
 def test_a_dead_load_that_only_stands_when_it_is_pushed(force: float, push: str) -> None:

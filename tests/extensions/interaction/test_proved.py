@@ -37,6 +37,7 @@ def test_a_few_contacts_need_a_larger_margin(seed: int) -> None:
     assert_proved(random_wall(seed, sizes=(*SIZES, (4, 5))))
 
 
+@pytest.mark.exhaustive
 def test_a_search_goes_on_where_a_proof_costs_more_than_was_to_spare() -> None:
     """This one costs a twentieth of the width at which branching ends."""
     wall = random_wall(98016, sizes=(*SIZES, (4, 5)))

@@ -147,6 +147,7 @@ def torn() -> Path:
 
 
 @pytest.mark.parametrize("stretch", [pytest.param(0.0, marks=pytest.mark.exhaustive), 0.05, 9.0])
+@pytest.mark.exhaustive_cases("9.0")
 def test_a_tie_pulls_with_its_strength_until_it_breaks(stretch: float, tmp_path: File) -> None:
     scene = tied()
     path = pushover(scene, step=0.06, stretch=stretch)

@@ -117,6 +117,7 @@ def agree(path: Path, finer: Path) -> bool:
                    for kind, seed in (("arch", 0), ("cut", 0), ("arch", 1), ("cut", 1),
                                       ("arch", 8))),
 ])  # fmt: skip
+@pytest.mark.exhaustive_cases("pile-0-zero-dilatancy")
 def test_a_quarter_of_the_step_ends_alike_or_it_is_not_decided(kind, seed, flow, request) -> None:
     if (kind, seed, flow) == ("arch", 1, "zero-dilatancy"):
         why = "its zero lies 0.2 % farther on than half the step shows: docs/after-collapse.md"
@@ -235,6 +236,7 @@ def two_apart(seed: int) -> Scene:
     (symmetric, 2, "zero-dilatancy", False), (two_apart, 0, "associated", True),
     pytest.param(symmetric, 1, "associated", False, marks=pytest.mark.exhaustive),
 ])  # fmt: skip
+@pytest.mark.exhaustive_cases("symmetric-1-zero-dilatancy-None")
 def test_symmetric_scenes_keep_their_symmetry_or_it_is_said(made, seed, flow, splits) -> None:
     """Every block moves as the mirror image of its partner; of two mechanisms that weaken as they
     move one goes on alone. Where None is given rounding decides, and differs by processor."""

@@ -103,6 +103,7 @@ def test_what_is_followed_says_so_wherever_its_numbers_are(path: Path) -> None:
     assert "an interval" in check.plot().get_suptitle()
 
 
+@pytest.mark.exhaustive
 def test_files_of_what_is_followed_are_proved_again(path: Path, tmp_path: Any) -> None:
     path.save(tmp_path / "path.json")
     again = read_path(tmp_path / "path.json")

@@ -225,6 +225,14 @@ def test_a_moment_turns_a_block_over_its_edge() -> None:
     [(arch(5, 0.2, friction=2.0), 0.18), (two_leaning(), 0.05), (columns(2), 0.02)],
     ids=["arch", "leaning", "wall"],
 )
+@pytest.mark.exhaustive_cases(
+    "arch-rotated",
+    "arch-permuted",
+    "leaning-rotated",
+    "leaning-units",
+    "wall-units",
+    "wall-permuted",
+)
 def test_paths_do_not_depend_on_how_a_scene_is_written(
     scene: Scene, until: float, how: str
 ) -> None:

@@ -38,6 +38,7 @@ def random_wall(seed: int) -> tuple[Scene, float, float, float]:
 @pytest.mark.parametrize("seed", [
     *range(3), *(pytest.param(seed, marks=pytest.mark.exhaustive) for seed in range(3, 23)),
 ])  # fmt: skip
+@pytest.mark.exhaustive_cases("0")
 def test_the_least_a0_of_rocking_and_sliding_leads(seed: int) -> None:
     scene, friction, turns, e_star = random_wall(seed)
     path = pushover(scene, certify="none", halvings=0)

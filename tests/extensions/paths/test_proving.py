@@ -115,6 +115,7 @@ def test_a_path_that_has_come_to_its_end_did_not_end_otherwise(whole: Path, stat
 
 
 @pytest.mark.parametrize("status", ["zero", "falls", "blocked", "not-converged"])
+@pytest.mark.exhaustive_cases("falls", "blocked")
 def test_a_path_cut_short_has_not_come_to_its_end(whole: Path, status: str) -> None:
     cut = whole.configurations[:-1]
     short = replace(whole, configurations=cut, status=status, work=None)

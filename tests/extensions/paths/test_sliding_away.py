@@ -82,6 +82,7 @@ def refused(path: Path, factor: float) -> None:
     *(pytest.param(half, flow, marks=pytest.mark.exhaustive) for half in WIDE for flow in FLOWS),
 ])  # fmt: skip
 @pytest.mark.parametrize("name", SLIDING)
+@pytest.mark.exhaustive_cases("a block that nearly tips-1.0-associated0")
 def test_what_slides_has_no_d0_however_far_its_ground_goes(name, half, flow) -> None:
     made, factor, joints = SLIDING[name]
     path = pushover(made(half), flow=flow, certify="none")
@@ -109,6 +110,7 @@ def test_a_path_that_did_not_get_anywhere_slides_too() -> None:
 
 @pytest.mark.parametrize("half", WIDE)
 @pytest.mark.parametrize("courses", [1, 3])
+@pytest.mark.exhaustive_cases("1-2.0", "1-4.0", "3-1.0", "3-2.0")
 def test_what_rocks_has_its_closed_form_however_far_its_ground_goes(half, courses) -> None:
     path = pushover(on_ground(half, 0.7, 2.0, courses), certify="none")
     e_star = 3 * courses**2 / (4 * courses**2 - 1)

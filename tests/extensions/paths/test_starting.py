@@ -94,6 +94,7 @@ def two_leaning(between: float) -> Scene:
     return Scene(blocks, ["ground"], PUSH, friction=0.0, contact_friction=own)
 
 
+@pytest.mark.exhaustive
 def test_blocks_that_touch_only_later_have_the_friction_of_their_pair(tmp_path: File) -> None:
     scene = two_leaning(0.4)
     with pytest.raises(InputError, match="do not touch"):  # as everywhere but on a path

@@ -407,6 +407,7 @@ def test_supports_that_cannot_be_followed_are_refused(tmp_path, capsys) -> None:
     assert "SUPPORT=X,Y,Z is meant" in capsys.readouterr().err
 
 
+@pytest.mark.exhaustive
 def test_the_command_line_moves_supports(tmp_path, capsys) -> None:
     write_scene(spread(8, 0.2), tmp_path / "arch.json")
     asked = ["pushover", str(tmp_path / "arch.json"), "--move", "right-abutment=1,0,0",
@@ -449,6 +450,7 @@ def bonded(pad: float, seed: int | None = None, rows: int = 5) -> Scene:
     (1.1, 0, 3), *(pytest.param(*each, marks=pytest.mark.exhaustive) for each in
     [(1.6, None, 5), (1.2, None, 5), *((0.8 + 0.1 * k, k, 2 + k % 3) for k in range(1, 7))]),
 ])  # fmt: skip
+@pytest.mark.exhaustive_cases("1.1-0-3-associated")
 def test_a_wall_on_a_pad_that_sinks_has_its_reaction_between_both(pad, seed, rows, flow) -> None:
     """Also where joints slide, and no row names another bracket than its own; nothing pulls."""
     scene, down = bonded(pad, seed, rows), SupportMotion("pad", (0, 0, -1))

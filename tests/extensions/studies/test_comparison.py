@@ -315,6 +315,7 @@ def test_facets_on_both_sides_of_the_cone():
 
 
 @pytest.mark.parametrize("name", ["16-gon", "cvxlimit/16-gon", "cvxlimit/16-gon-inscribed"])
+@pytest.mark.exhaustive_cases("16-gon", "cvxlimit/16-gon")
 def test_surfaces_by_the_names_that_sweeps_take(name):
     (row,) = compare(builtin_scene("stack"), [name], repeat=1, progress=False).rows
     assert row.surface == name.removeprefix("cvxlimit/")

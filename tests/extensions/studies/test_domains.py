@@ -223,6 +223,7 @@ UNBOUNDED = {
 
 
 @pytest.mark.parametrize("name", UNBOUNDED)
+@pytest.mark.exhaustive_cases("in space", "tuff wall")
 def test_what_has_no_end_is_carried_and_ruled_out_as_far_as_anyone_asks(name: str) -> None:
     """In twenty random directions, up to a million times their natural size: the dead load with
     these loads beside it stands, or it does not."""

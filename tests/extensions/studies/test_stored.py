@@ -114,6 +114,7 @@ PAIRS: dict[str, tuple[Any, Any]] = {
 
 
 @pytest.mark.parametrize("what", PAIRS)
+@pytest.mark.exhaustive_cases("geometry", "density")
 def test_another_structure_of_the_same_name(what: str, tmp_path: Path) -> None:
     folder = tmp_path / "rows"
     for build in (*PAIRS[what], PAIRS[what][0]):
