@@ -7,6 +7,7 @@ import numpy as np
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
 from cvxlimit.proof.certificate import Certifier
+from cvxlimit.proof.checks import RESIDUAL
 from cvxlimit.proof.flow import corner_openings
 from cvxlimit.proof.tresca import HeldFlow
 from cvxlimit.solution import Member
@@ -72,6 +73,9 @@ class Verifier:
         penetrates = float(np.abs(shortfall.unresisted).max(initial=shortfall.missing.max()))
         largest = float(max(np.abs(openings).max(), np.abs(rates[:, :2]).max()))
         equilibrium, excess = self.certifier.residuals(balanced, alpha)
+        # Where joints slip by rounding alone, friction has no direction to be off.
+        size, power = max(abs(alpha), self.least), float(friction.sum())
+        slips = self.has_cones and power > RESIDUAL * size
         return Member(
             load_factor=alpha,
             start=start,
@@ -79,13 +83,13 @@ class Verifier:
             equilibrium=equilibrium,
             yield_excess=excess,
             flow=max(penetrates, 0.0) / largest,
-            complementarity=lost / max(abs(alpha), self.least),
+            complementarity=lost / size,
             forces=forces,
             mechanism=mechanism,
-            angle=_angle(lost, float(friction.sum())) if self.has_cones else 0.0,
+            angle=_angle(lost, power) if slips else 0.0,
         )
 
 
 def _angle(lost: float, friction: float) -> float:
     """Returns the angle to the slip at which friction that could do so much power loses some."""
-    return float(np.arccos(1.0 - min(lost / friction, 1.0))) if friction > 0.0 else 0.0
+    return float(np.arccos(1.0 - min(lost / friction, 1.0)))
