@@ -18,6 +18,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -144,7 +145,16 @@ class Cone(ABC):
 def refuse_false_polar(cone: Cone, size: int) -> None:
     """Raises ModelError for a polar gauge that is too small on some vectors of ``size`` components,
     of a hundred that are tried: upper bounds rest on it, and would be false."""
-    # v . r <= gauge(v) polar_gauge(r) for all pairs of a hundred v and a hundred r.
+    try:
+        _tried(cone, size)
+    except TypeError:  # it has no hash by which it would be known again
+        _tried.__wrapped__(cone, size)
+
+
+@cache
+def _tried(cone: Cone, size: int) -> None:
+    # v . r <= gauge(v) polar_gauge(r) for all pairs of a hundred v and a hundred r; once for each
+    # cone, as a re-solve would take a twentieth longer
     v, r = np.random.default_rng(0).normal(size=(2, size, 100))
     power, bound = v.T @ r, np.outer(cone.gauge(v), cone.polar_gauge(r))
     is_false = ~(power <= bound * (1.0 + 1e-9))
