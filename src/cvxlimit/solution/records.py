@@ -207,9 +207,10 @@ class Member:
         User's units; live power 1.
     angle : float or None
         Between friction and slip, in radians, over all joints that slide: the cosine is the power
-        that friction does over what it would do against the slip. About so large a share of the
-        load factor is not known, where complementarity is but half the square of it. Zero where
-        joints can slip to and fro only, or slip by rounding alone; None in files of version 0.2.0.
+        that friction does over what it would do against the slip. It is times the share of the
+        load factor's power that friction could do, where that is less than all: about so large a
+        share of the load factor is not known, where complementarity is but half the square of it.
+        Zero where joints can slip to and fro only; None in files of version 0.2.0.
     """
 
     load_factor: float

@@ -7,7 +7,6 @@ import numpy as np
 from cvxlimit.geometry.contacts import COLUMN
 from cvxlimit.methods.driver import Run
 from cvxlimit.proof.certificate import Certifier
-from cvxlimit.proof.checks import RESIDUAL
 from cvxlimit.proof.flow import corner_openings
 from cvxlimit.proof.tresca import HeldFlow
 from cvxlimit.solution import Member
@@ -73,9 +72,7 @@ class Verifier:
         penetrates = float(np.abs(shortfall.unresisted).max(initial=shortfall.missing.max()))
         largest = float(max(np.abs(openings).max(), np.abs(rates[:, :2]).max()))
         equilibrium, excess = self.certifier.residuals(balanced, alpha)
-        # Where joints slip by rounding alone, friction has no direction to be off.
         size, power = max(abs(alpha), self.least), float(friction.sum())
-        slips = self.has_cones and power > RESIDUAL * size
         return Member(
             load_factor=alpha,
             start=start,
@@ -86,10 +83,14 @@ class Verifier:
             complementarity=lost / size,
             forces=forces,
             mechanism=mechanism,
-            angle=_angle(lost, power) if slips else 0.0,
+            angle=_angle(lost, power, size) if self.has_cones else 0.0,
         )
 
 
-def _angle(lost: float, friction: float) -> float:
-    """Returns the angle to the slip at which friction that could do so much power loses some."""
-    return float(np.arccos(1.0 - min(lost / friction, 1.0)))
+def _angle(lost: float, friction: float, size: float) -> float:
+    """Returns the angle to the slip at which friction that could do so much power loses some, times
+    its share of a power's ``size`` where that is less than all: joints that slip by rounding, or
+    press by no more, tell nothing of the load factor, at whatever angle."""
+    if friction <= 0.0:
+        return 0.0
+    return float(np.arccos(1.0 - min(lost / friction, 1.0))) * min(friction / size, 1.0)

@@ -72,7 +72,7 @@ def _member(
     said = f"largest residual {worst:.1e}"
     yield proved(claim, worst <= most + SLACK, f"{said}, {most:.1e} claimed", said)
     if angle == 0.0:
-        yield unseen("members.angle", "none where joints slip to and fro only or not at all")
+        yield unseen("members.angle", "none where joints slip to and fro only")
     elif found is not None and angle is not None and found.angle is not None:
         is_met = abs(found.angle - angle) <= 0.1 * APART  # less than counts as settled
         yield follows(f"angle {angle:.1e}", is_met, f"it is {found.angle:.1e}")

@@ -51,10 +51,9 @@ def exactness(members: Sequence[Member]) -> str:
     angle = max(member.angle or 0.0 for member in members)
     if not angle:
         return lost
-    off = f"{lost}, friction up to {np.degrees(angle):.0e} degrees off the slip"
     if all(member.is_settled for member in members):
-        return off
-    return f"{off}: about {angle:.0e} of the load factor is not known"
+        return f"{lost}, and friction off the slip {angle:.0e} of the load factor"
+    return f"{lost}; friction is off the slip: about {angle:.0e} of the load factor is not known"
 
 
 def found_by(searches: Sequence[Search]) -> str:
